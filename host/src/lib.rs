@@ -13,7 +13,7 @@
 //! ```
 //!
 //! [`input`], [`mesh`] and [`gcode`] read; [`pipeline`] takes each kind of input through the stages of [`plan`]; [`job`]
-//! is what comes out; [`drive`] moves the finished stream, [`report`] draws and tabulates, [`cli`] is the command.
+//! is what comes out; [`drive`] moves the finished stream, [`report`] draws and tabulates, `cli` is the command (feature `command`).
 //!
 //! **Library users build on [`api`]**: semantic versioning covers that module and nothing else here.
 #![forbid(unsafe_code)]
@@ -21,6 +21,7 @@
 pub mod api;
 pub mod bed_mesh;
 pub mod calibration;
+#[cfg(feature = "command")]
 pub mod cli;
 pub mod drive;
 pub mod gcode;

@@ -4,57 +4,37 @@
 //! command's options called as the keywords are.
 
 use crate::{OptionsError, PartError};
-use headway::api::{HeadingLaw, Options, PassMode, Place, Quality, Reading, SeamPlace, Units};
+use headway::api::{
+    HeadingLaw, OPTION_NAMES, Options, PassMode, Place, Quality, Reading, SeamPlace, Units,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// The command's options and the keywords beside them, longer ones before those that they begin with.
-const KEYWORDS: [(&str, &str); 37] = [
-    ("--first-layer-height", "first_layer_height_mm"),
-    ("--corner-tolerance", "corner_tolerance_mm"),
-    ("--layer-range", "layer_range"),
-    ("--copy-gap", "copy_gap_mm"),
-    ("--copies", "copies"),
-    ("--place", "place"),
-    ("--gap", "gap_mm"),
-    ("--max-outer-inner-ratio", "outer_inner_ratio_max"),
-    ("--skirt-distance-mm", "skirt_distance_mm"),
-    ("--infill-density", "infill_density_pct"),
-    ("--infill-angle", "infill_angle_deg"),
-    ("--seam-direction", "seam_direction_deg"),
-    ("--avoid-crossing", "avoid_crossing"),
-    ("--min-layer-time", "layer_time_min_s"),
-    ("--max-layer-time", "layer_time_max_s"),
-    ("--continuous-z", "continuous_z"),
-    ("--sparse-speed", "sparse_speed_mm_s"),
-    ("--solid-speed", "solid_speed_mm_s"),
-    ("--wall-speed", "wall_speed_mm_s"),
-    ("--layer-height", "layer_height_mm"),
-    ("--tolerance", "tolerance_mm"),
-    ("--aperture", "aperture"),
-    ("--keep-out", "keep_out"),
-    ("--overlap", "overlap_pct"),
-    ("--quality", "quality"),
-    ("--bottom", "bottom_layers"),
-    ("--layers", "layers"),
-    ("--repair", "repair"),
-    ("--speed", "speed_mm_s"),
-    ("--units", "units"),
-    ("--scale", "scale"),
-    ("--skirt", "skirt_loops"),
-    ("--walls", "walls"),
-    ("--brim", "brim_loops"),
-    ("--pass", "pass_mode"),
-    ("--top", "top_layers"),
-    ("--at", "at_mm"),
+/// Options that are none of the planner's but of the input's place and reading, as the command calls them.
+const OTHERS: [(&str, &str); 11] = [
+    ("first-layer-height", "first_layer_height_mm"),
+    ("corner-tolerance", "corner_tolerance_mm"),
+    ("layer-range", "layer_range"),
+    ("copy-gap", "copy_gap_mm"),
+    ("copies", "copies"),
+    ("place", "place"),
+    ("gap", "gap_mm"),
+    ("keep-out", "keep_out"),
+    ("repair", "repair"),
+    ("units", "units"),
+    ("at", "at_mm"),
 ];
 
 /// A text of the library with keywords in place of the command's options.
 pub fn as_keywords(text: &str) -> String {
-    KEYWORDS
+    let mut names: Vec<&(&str, &str)> = OPTION_NAMES.iter().chain(&OTHERS).collect();
+    names.extend([&("aperture", "aperture"), &("scale", "scale")]);
+    // Longer ones before those that they begin with.
+    names.sort_by_key(|(option, _)| std::cmp::Reverse(option.len()));
+    names
         .iter()
-        .fold(text.to_string(), |text, (option, keyword)| {
-            text.replace(option, keyword)
+        .fold(text.to_string(), |text, (option, field)| {
+            text.replace(&format!("--{option}"), &field.replace("_rad", "_deg"))
         })
 }
 
@@ -79,9 +59,9 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
             "continuous_z" => o.continuous_z = Some(read(&key, &value, "True or False")?),
             "layer_height_mm" => o.layer_height_mm = Some(number(&key, &value)?),
             "layers" => o.layers = Some(count(&key, &value)?),
-            "pass_mode" => o.pass_mode = Some(one_of(&key, &value, &PASSES)?),
-            "heading_law" => o.heading_law = Some(one_of(&key, &value, &LAWS)?),
-            "quality" => o.quality = Some(one_of(&key, &value, &QUALITIES)?),
+            "pass_mode" => o.pass_mode = Some(one_of(&key, &value, PassMode::NAMES)?),
+            "heading_law" => o.heading_law = Some(one_of(&key, &value, HeadingLaw::NAMES)?),
+            "quality" => o.quality = Some(one_of(&key, &value, Quality::NAMES)?),
             "tolerance_mm" => o.tolerance_mm = Some(number(&key, &value)?),
             "overlap_pct" => o.overlap_pct = Some(number(&key, &value)?),
             "walls" => o.walls = Some(count(&key, &value)?),
@@ -93,7 +73,7 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
             "skirt_distance_mm" => o.skirt_distance_mm = Some(number(&key, &value)?),
             "brim_loops" => o.brim_loops = Some(count(&key, &value)?),
             "avoid_crossing" => o.avoid_crossing = Some(read(&key, &value, "True or False")?),
-            "seam" => o.seam = Some(one_of(&key, &value, &SEAMS)?),
+            "seam" => o.seam = Some(one_of(&key, &value, SeamPlace::NAMES)?),
             "seam_direction_deg" => o.seam_direction_rad = Some(number(&key, &value)?.to_radians()),
             "first_layer_height_mm" => o.first_layer_height_mm = Some(number(&key, &value)?),
             "layer_range" => {
@@ -103,30 +83,12 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
             "copy_gap_mm" => o.copy_gap_mm = Some(number(&key, &value)?),
             "gap_mm" => o.gap_mm = Some(number(&key, &value)?),
             "corner_tolerance_mm" => o.corner_tolerance_mm = Some(number(&key, &value)?),
-            "place" => o.place = Some(one_of(&key, &value, &PLACES)?),
+            "place" => o.place = Some(one_of(&key, &value, Place::NAMES)?),
             _ => return Err(OptionsError::new_err(format!("{key} is no option"))),
         }
     }
     Ok(options)
 }
-
-const PASSES: [(&str, PassMode); 2] = [("two", PassMode::Two), ("one", PassMode::One)];
-const LAWS: [(&str, HeadingLaw); 2] = [
-    ("tangent", HeadingLaw::Tangent),
-    ("linear", HeadingLaw::Linear),
-];
-const QUALITIES: [(&str, Quality); 3] = [
-    ("fine", Quality::Fine),
-    ("standard", Quality::Standard),
-    ("fast", Quality::Fast),
-];
-const SEAMS: [(&str, SeamPlace); 3] = [
-    ("nearest", SeamPlace::Nearest),
-    ("aligned", SeamPlace::Aligned),
-    ("sharpest", SeamPlace::Sharpest),
-];
-
-const PLACES: [(&str, Place); 2] = [("centre", Place::Centre), ("best", Place::Best)];
 
 /// How a file is read, of a dict.
 pub fn reading(given: &Bound<'_, PyDict>) -> PyResult<Reading> {

@@ -111,10 +111,7 @@ impl Port {
     /// What the system says.
     pub fn open(&self, baud: u32) -> io::Result<Box<dyn Transport>> {
         match self {
-            Port::Serial(name) => {
-                let port = serialport::new(name, baud).timeout(WAIT).open()?;
-                Ok(Box::new(Serial(port)))
-            }
+            Port::Serial(name) => serial(name, baud),
             Port::Tcp(address) => Ok(Box::new(Socket(connect(address)?))),
             #[cfg(unix)]
             Port::Unix(path) => Ok(Box::new(Socket(of_unix(UnixStream::connect(path)?)?))),
@@ -122,6 +119,21 @@ impl Port {
             Port::Unix(_) => Err(io::Error::from(ErrorKind::Unsupported)),
         }
     }
+}
+
+#[cfg(feature = "serial")]
+fn serial(name: &str, baud: u32) -> io::Result<Box<dyn Transport>> {
+    let port = serialport::new(name, baud).timeout(WAIT).open()?;
+    Ok(Box::new(Serial(port)))
+}
+
+/// Refuses: there are no serial ports in this build.
+#[cfg(not(feature = "serial"))]
+fn serial(name: &str, _baud: u32) -> io::Result<Box<dyn Transport>> {
+    let problem = format!(
+        "{name}: this build of headway has no serial ports (feature `serial`): use tcp:HOST:PORT"
+    );
+    Err(io::Error::new(ErrorKind::Unsupported, problem))
 }
 
 fn connect(address: &str) -> io::Result<TcpStream> {
@@ -172,8 +184,10 @@ impl<S: Read + Write + Send> Transport for Socket<S> {
     }
 }
 
+#[cfg(feature = "serial")]
 struct Serial(Box<dyn serialport::SerialPort>);
 
+#[cfg(feature = "serial")]
 impl Transport for Serial {
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         patient(self.0.read(buffer))

@@ -7,6 +7,7 @@
 pub mod aperture_text;
 pub mod axes_words;
 mod check;
+mod choices;
 mod defaults;
 pub mod drivers;
 mod error;
@@ -25,6 +26,7 @@ pub(crate) mod units;
 pub mod wide_beads;
 
 pub use check::{joint_names, motor_rates_hz};
+pub use choices::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
 pub use error::SettingsError;
 
 use self::head_shape::HeadShape;
@@ -37,24 +39,6 @@ use headway_firmware::configuration::drivers::DriversConfiguration;
 use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_firmware::configuration::wiring::Wiring;
-
-/// How passes are laid where the passage is narrow.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PassMode {
-    /// Two passes, each tangent to wall and medial axis; one pass only where two do not fit.
-    Two,
-    /// One pass on the medial axis wherever the aperture can span the passage.
-    One,
-}
-
-/// How the local width becomes a heading angle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HeadingLaw {
-    /// The angle at which the aperture touches exactly what it should (default).
-    Tangent,
-    /// |alpha| = (1 - w) 90°, as published.
-    Linear,
-}
 
 /// Walls with straight lines inside, in place of beads all the way in.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,17 +129,6 @@ pub struct Skirt {
     pub distance_mm: f64,
 }
 
-/// Which place of a loop is its seam.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SeamPlace {
-    /// The smooth place nearest to where the head is.
-    Nearest,
-    /// The place farthest along a direction.
-    Aligned,
-    /// The sharpest corner; the nearest place where there is none.
-    Sharpest,
-}
-
 /// Where loops begin and end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seam {
@@ -163,19 +136,6 @@ pub struct Seam {
     pub place: SeamPlace,
     /// Direction of aligned seams against the x axis.
     pub direction_rad: f64,
-}
-
-/// What ground is worth: the price at which the planner leaves ground open or lays it twice to
-/// print sooner.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Quality {
-    /// Hardly anything stays open that the aperture reaches.
-    Fine,
-    /// Small voids that the material closes are left where filling them takes long.
-    #[default]
-    Standard,
-    /// Voids of some tenths of a mm² are left.
-    Fast,
 }
 
 impl Quality {
@@ -221,16 +181,6 @@ pub struct PrimeRetract {
     pub prime_rate_mm3_s: f64,
     /// How long before its end the pass may start to move.
     pub prime_lead_s: f64,
-}
-
-/// Where a run of waypoints lies.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Place {
-    /// Its box centred over the work area.
-    #[default]
-    Centre,
-    /// Where the machine reaches all of it and takes least time.
-    Best,
 }
 
 /// All settings of a job. Immutable once made; built by [`Settings::default`], a machine file and

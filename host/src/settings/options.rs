@@ -7,81 +7,125 @@ use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::run_options::{RunOptions, RunOptionsError};
 use super::{HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings, SettingsError};
 
-/// Options of a job; each `None` leaves what the machine file or the default says.
-///
-/// Made by [`Options::default`] and changed field by field, so that new ones break nobody.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[non_exhaustive]
-pub struct Options {
-    /// The nozzle's aperture, mm: `ellipse:AxB` (semi-axes), `circle:R`, `stadium:LxW`, `rect:LxWxR`
-    /// (full sizes, corner radius), `polygon:[[x,y],...]` (corners about the tool's axis).
-    pub aperture: Option<String>,
-    /// Tip speed while printing.
-    pub speed_mm_s: Option<f64>,
-    /// Tip speed of the walls, below that.
-    pub wall_speed_mm_s: Option<f64>,
-    /// Tip speed of the lines of filled ground, below that.
-    pub solid_speed_mm_s: Option<f64>,
-    /// Tip speed of the lines of a sparse infill, below that.
-    pub sparse_speed_mm_s: Option<f64>,
-    /// Least time of a layer: shorter ones are printed slower.
-    pub layer_time_min_s: Option<f64>,
-    /// Most time of a layer: longer ones are reported, since their joints are cold.
-    pub layer_time_max_s: Option<f64>,
-    /// Most that a bead may lay outside of a curve against inside.
-    pub outer_inner_ratio_max: Option<f64>,
-    /// Layers of one closed bead follow each other without a rest.
-    pub continuous_z: Option<bool>,
-    /// Layer height.
-    pub layer_height_mm: Option<f64>,
-    /// Layers of an outline, all the same.
-    pub layers: Option<u32>,
+/// Declares the options: help, name on the command line with the name of its value, field and type.
+macro_rules! options {
+    ($($(#[doc = $help:literal])* $long:literal $value:literal $field:ident: $kind:ty [$($argument:tt)*];)+) => {
+        /// Options of a job; each `None` leaves what the machine file or the default says.
+        ///
+        /// Made by [`Options::default`] and changed field by field, so that new ones break nobody. The texts are the
+        /// command's help; units are those of the names, on the command line degrees for rad.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        #[cfg_attr(feature = "command", derive(clap::Args))]
+        #[cfg_attr(feature = "command", command(next_help_heading = "Settings"))]
+        #[non_exhaustive]
+        pub struct Options {
+            /// The nozzle's aperture, mm: `ellipse:AxB` (semi-axes), `circle:R`, `stadium:LxW`, `rect:LxWxR`
+            /// (full sizes, corner radius), `polygon:[[x,y],...]` (corners about the tool's axis).
+            #[cfg_attr(feature = "command", arg(skip))]
+            pub aperture: Option<String>,
+            $(
+                $(#[doc = $help])*
+                #[cfg_attr(
+                    feature = "command",
+                    arg(id = $long, long = $long, value_name = $value, $($argument)*)
+                )]
+                pub $field: Option<$kind>,
+            )+
+            /// Height of a mesh's first layer.
+            #[cfg_attr(feature = "command", arg(skip))]
+            pub first_layer_height_mm: Option<f64>,
+            /// First and last layer of a mesh that are wanted, from 1.
+            #[cfg_attr(feature = "command", arg(skip))]
+            pub layer_range: Option<[u32; 2]>,
+            /// How many of the part, in rows.
+            #[cfg_attr(feature = "command", arg(skip))]
+            pub copies: Option<u32>,
+            /// Between their boxes; goes with copies.
+            #[cfg_attr(feature = "command", arg(skip))]
+            pub copy_gap_mm: Option<f64>,
+            /// Waypoints further apart end a pass.
+            #[cfg_attr(feature = "command", arg(skip))]
+            pub gap_mm: Option<f64>,
+            /// How far the corners of a run of waypoints may be rounded.
+            #[cfg_attr(feature = "command", arg(skip))]
+            pub corner_tolerance_mm: Option<f64>,
+            /// Where a run of waypoints lies.
+            #[cfg_attr(feature = "command", arg(skip))]
+            pub place: Option<Place>,
+        }
+
+        /// The names of options on the command line, and of their fields.
+        pub const OPTION_NAMES: &[(&str, &str)] = &[$(($long, stringify!($field))),+];
+    };
+}
+
+/// Degrees of the command line.
+#[cfg(feature = "command")]
+fn radians(text: &str) -> Result<f64, std::num::ParseFloatError> {
+    text.parse().map(f64::to_radians)
+}
+
+options! {
+    /// Tip speed while printing, mm/s.
+    "speed" "MM_S" speed_mm_s: f64 [allow_negative_numbers = true];
+    /// Tip speed of the walls, below --speed, mm/s.
+    "wall-speed" "MM_S" wall_speed_mm_s: f64 [allow_negative_numbers = true];
+    /// Tip speed of the lines of filled ground, below --speed, mm/s.
+    "solid-speed" "MM_S" solid_speed_mm_s: f64 [allow_negative_numbers = true];
+    /// Tip speed of the lines of a sparse infill, below --speed, mm/s.
+    "sparse-speed" "MM_S" sparse_speed_mm_s: f64 [allow_negative_numbers = true];
+    /// Least time of a layer, s: shorter ones are printed slower [default: 0].
+    "min-layer-time" "S" layer_time_min_s: f64 [allow_negative_numbers = true];
+    /// Most time of a layer, s: longer ones are reported, since their joints are cold; --refuse layer-time
+    /// refuses the job [default: 0, any].
+    "max-layer-time" "S" layer_time_max_s: f64 [allow_negative_numbers = true];
+    /// Most that a wide bead may lay on the outside of a curve against the inside, as in 1.2 for concrete: paths are
+    /// rounded for it where they can be [default: 0, any].
+    "max-outer-inner-ratio" "RATIO" outer_inner_ratio_max: f64 [allow_negative_numbers = true];
+    /// Layers of one closed bead rise along it and follow each other without a rest (vase mode); walls of a solid part
+    /// with --walls 1 --infill-density 0 --top 0.
+    "continuous-z" "BOOL" continuous_z: bool [
+        num_args = 0..=1, require_equals = true, default_missing_value = "true", visible_alias = "vase"
+    ];
+    /// Layer height, mm.
+    "layer-height" "MM" layer_height_mm: f64 [allow_negative_numbers = true];
+    /// Layers of an outline, all the same [default: 1]; a mesh has its own.
+    "layers" "N" layers: u32 [allow_negative_numbers = true];
     /// Passes across a narrow passage.
-    pub pass_mode: Option<PassMode>,
-    /// How the local width becomes a heading.
-    pub heading_law: Option<HeadingLaw>,
-    /// What ground left open is worth in time.
-    pub quality: Option<Quality>,
-    /// How far the aperture may leave the outline, and the segments the path.
-    pub tolerance_mm: Option<f64>,
-    /// Overlap of neighbouring passes, per cent of the bead width.
-    pub overlap_pct: Option<f64>,
-    /// Loops along the outline, with straight lines inside.
-    pub walls: Option<u32>,
-    /// Share of the ground inside the walls that lines cover; goes with walls.
-    pub infill_density_pct: Option<f64>,
-    /// Direction of the lines against the x axis; goes with walls.
-    pub infill_angle_rad: Option<f64>,
-    /// Solid layers at the bottom; go with walls.
-    pub bottom_layers: Option<u32>,
-    /// Solid layers at the top; go with walls.
-    pub top_layers: Option<u32>,
-    /// Loops around the first layer, at a distance.
-    pub skirt_loops: Option<u32>,
-    /// From the part, or its brim, to the innermost loop of the skirt.
-    pub skirt_distance_mm: Option<f64>,
-    /// Loops around the first layer that touch it.
-    pub brim_loops: Option<u32>,
-    /// Travel stays inside the part where there is a way.
-    pub avoid_crossing: Option<bool>,
+    "pass" "PASS" pass_mode: PassMode [];
+    /// How the local width becomes a heading angle.
+    "law" "LAW" heading_law: HeadingLaw [];
+    /// What a mm² of ground left open or laid twice is worth in seconds of printing [default:
+    /// standard].
+    "quality" "QUALITY" quality: Quality [];
+    /// How far the aperture may leave the outline, the segments the path, and chords the curves of
+    /// the input, mm.
+    "tolerance" "MM" tolerance_mm: f64 [allow_negative_numbers = true];
+    /// Controlled overlap of neighbouring passes, per cent of the bead width.
+    "overlap" "PCT" overlap_pct: f64 [allow_negative_numbers = true];
+    /// Loops along the outline, with straight lines inside [default: loops all the way in].
+    "walls" "N" walls: u32 [allow_negative_numbers = true];
+    /// Share of the ground inside the walls that lines cover, per cent [default: 100].
+    "infill-density" "PCT" infill_density_pct: f64 [allow_negative_numbers = true];
+    /// Solid layers at the bottom of a print with walls [default: 4, of several layers].
+    "bottom" "N" bottom_layers: u32 [allow_negative_numbers = true];
+    /// Solid layers at the top of a print with walls [default: 5, of several layers].
+    "top" "N" top_layers: u32 [allow_negative_numbers = true];
+    /// Direction of the infill's lines against the x axis, degrees; every other layer's lie across
+    /// [default: 45].
+    "infill-angle" "DEG" infill_angle_rad: f64 [allow_negative_numbers = true, value_parser = radians];
+    /// Loops around the first layer, at a distance, printed before it.
+    "skirt" "N" skirt_loops: u32 [allow_negative_numbers = true];
+    /// From the part (or its brim) to the innermost loop of the skirt, mm [default: 3].
+    "skirt-distance-mm" "MM" skirt_distance_mm: f64 [allow_negative_numbers = true];
+    /// Loops around the first layer that touch it, printed before it.
+    "brim" "N" brim_loops: u32 [allow_negative_numbers = true];
+    /// Factor on all coordinates of the input.
+    "avoid-crossing" "BOOL" avoid_crossing: bool [num_args = 0..=1, require_equals = true, default_missing_value = "true"];
     /// Where loops begin and end.
-    pub seam: Option<SeamPlace>,
-    /// Direction of aligned seams against the x axis.
-    pub seam_direction_rad: Option<f64>,
-    /// Height of a mesh's first layer.
-    pub first_layer_height_mm: Option<f64>,
-    /// First and last layer of a mesh that are wanted, from 1.
-    pub layer_range: Option<[u32; 2]>,
-    /// How many of the part, in rows.
-    pub copies: Option<u32>,
-    /// Between their boxes; goes with copies.
-    pub copy_gap_mm: Option<f64>,
-    /// Waypoints further apart end a pass.
-    pub gap_mm: Option<f64>,
-    /// How far the corners of a run of waypoints may be rounded.
-    pub corner_tolerance_mm: Option<f64>,
-    /// Where a run of waypoints lies.
-    pub place: Option<Place>,
+    "seam" "PLACE" seam: SeamPlace [];
+    /// Direction of aligned seams against the x axis, degrees [default: 90].
+    "seam-direction" "DEG" seam_direction_rad: f64 [allow_negative_numbers = true, value_parser = radians];
 }
 
 /// Options that cannot be used.

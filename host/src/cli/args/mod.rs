@@ -10,7 +10,6 @@ pub(crate) mod machine;
 mod names;
 pub(crate) mod other_names;
 pub(crate) mod shell;
-pub(crate) mod wide;
 
 use crate::cli::args::allow::{AllowArgs, VerdictArgs};
 use crate::cli::args::board::{BoardArgs, StreamArgs};
@@ -21,8 +20,10 @@ use crate::cli::args::inspect::InspectArgs;
 use crate::cli::args::machine::MachineArgs;
 use crate::cli::args::other_names::OtherNames;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
-use crate::cli::args::wide::WideArgs;
-pub(crate) use names::{FormatName, LawName, PassName, PlaceName, QualityName, SeamName, UnitName};
+pub(crate) use names::{FormatName, UnitName};
+
+use crate::settings::Place;
+use crate::settings::options::Options;
 
 use clap::builder::ArgPredicate;
 use clap::{Args, Parser, Subcommand};
@@ -173,7 +174,7 @@ pub(crate) struct PlaceArgs {
     pub gap: Option<f64>,
     /// Where a run of waypoints lies.
     #[arg(long, value_enum, value_name = "PLACE", conflicts_with = "at")]
-    pub place: Option<PlaceName>,
+    pub place: Option<Place>,
     /// Turns a run of waypoints about Z, counter-clockwise, degrees; places and messages are those of the
     /// turned run.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
@@ -222,86 +223,8 @@ pub(crate) struct SettingsArgs {
     /// What `compare` makes of the heading axis.
     #[arg(skip)]
     pub heading_axis: Option<HeadingAxis>,
-    /// Tip speed while printing, mm/s.
-    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
-    pub speed: Option<f64>,
-    /// Tip speed of the walls, below --speed, mm/s.
-    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
-    pub wall_speed: Option<f64>,
-    /// Tip speed of the lines of filled ground, below --speed, mm/s.
-    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
-    pub solid_speed: Option<f64>,
-    /// Tip speed of the lines of a sparse infill, below --speed, mm/s.
-    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
-    pub sparse_speed: Option<f64>,
-    /// Least time of a layer, s: shorter ones are printed slower [default: 0].
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub min_layer_time: Option<f64>,
     #[command(flatten)]
-    pub wide: WideArgs,
-    /// Layer height, mm.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
-    pub layer_height: Option<f64>,
-    /// Layers of an outline, all the same [default: 1]; a mesh has its own.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub layers: Option<u32>,
-    /// Passes across a narrow passage.
-    #[arg(long, value_enum, value_name = "PASS")]
-    pub pass: Option<PassName>,
-    /// How the local width becomes a heading angle.
-    #[arg(long, value_enum, value_name = "LAW")]
-    pub law: Option<LawName>,
-    /// What a mm² of ground left open or laid twice is worth in seconds of printing [default:
-    /// standard].
-    #[arg(long, value_enum, value_name = "QUALITY")]
-    pub quality: Option<QualityName>,
-    /// How far the aperture may leave the outline, the segments the path, and chords the curves of
-    /// the input, mm.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
-    pub tolerance: Option<f64>,
-    /// Controlled overlap of neighbouring passes, per cent of the bead width.
-    #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
-    pub overlap: Option<f64>,
-    /// Loops along the outline, with straight lines inside [default: loops all the way in].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub walls: Option<u32>,
-    /// Share of the ground inside the walls that lines cover, per cent [default: 100].
-    #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
-    pub infill_density: Option<f64>,
-    /// Solid layers at the bottom of a print with walls [default: 4, of several layers].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub bottom: Option<u32>,
-    /// Solid layers at the top of a print with walls [default: 5, of several layers].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub top: Option<u32>,
-    /// Direction of the infill's lines against the x axis, degrees; every other layer's lie across
-    /// [default: 45].
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    pub infill_angle: Option<f64>,
-    /// Loops around the first layer, at a distance, printed before it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub skirt: Option<u32>,
-    /// From the part (or its brim) to the innermost loop of the skirt, mm [default: 3].
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
-    pub skirt_distance_mm: Option<f64>,
-    /// Loops around the first layer that touch it, printed before it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub brim: Option<u32>,
-    /// Travel stays inside the part where there is a way.
-    #[arg(
-        long,
-        value_name = "BOOL",
-        num_args = 0..=1,
-        require_equals = true,
-        default_missing_value = "true"
-    )]
-    pub avoid_crossing: Option<bool>,
-    /// Where loops begin and end.
-    #[arg(long, value_enum, value_name = "PLACE")]
-    pub seam: Option<SeamName>,
-    /// Direction of aligned seams against the x axis, degrees [default: 90].
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    pub seam_direction: Option<f64>,
+    pub options: Options,
 }
 
 /// `headway plan`.

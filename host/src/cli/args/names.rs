@@ -1,6 +1,5 @@
 //! What options choose between by name.
 
-use crate::settings::Place;
 use clap::ValueEnum;
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -37,58 +36,4 @@ pub(crate) enum UnitName {
     M,
     Um,
     In,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-pub(crate) enum PlaceName {
-    /// Its box centred over the work area.
-    Centre,
-    /// Where the machine reaches all of it and takes least time.
-    Best,
-}
-
-impl PlaceName {
-    /// As the settings have it.
-    pub(crate) fn place(self) -> Place {
-        match self {
-            PlaceName::Centre => Place::Centre,
-            PlaceName::Best => Place::Best,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-pub(crate) enum PassName {
-    /// Two passes, one along either wall, one where two do not fit.
-    Two,
-    /// One pass between the walls wherever the aperture spans them.
-    One,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-pub(crate) enum QualityName {
-    /// Hardly anything stays open: the longest print.
-    Fine,
-    /// Small voids that the material closes are left where filling them takes long.
-    Standard,
-    /// Voids of some tenths of a mm² are left.
-    Fast,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-pub(crate) enum SeamName {
-    /// The smooth place nearest to where the head is.
-    Nearest,
-    /// Farthest along a direction.
-    Aligned,
-    /// In the sharpest corner.
-    Sharpest,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-pub(crate) enum LawName {
-    /// The angle at which the aperture just touches what it should.
-    Tangent,
-    /// (1 - w) 90°, as published.
-    Linear,
 }

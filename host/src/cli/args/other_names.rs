@@ -20,9 +20,9 @@ pub(crate) struct OtherNames {
     nozzle_diameter: Option<String>,
     #[arg(long, hide = true, value_parser = named("--walls"))]
     perimeters: Option<String>,
-    #[arg(long, hide = true, value_parser = named("--top"))]
+    #[arg(id = "other-top", long, hide = true, value_parser = named("--top"))]
     top_layers: Option<String>,
-    #[arg(long, hide = true, value_parser = named("--bottom"))]
+    #[arg(id = "other-bottom", long, hide = true, value_parser = named("--bottom"))]
     bottom_layers: Option<String>,
     #[arg(long, hide = true, value_parser = named("--machine"))]
     printer: Option<String>,

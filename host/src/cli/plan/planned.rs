@@ -1,6 +1,6 @@
 //! A job, whether planned just now or read from a file: what `plan` and `simulate` work on.
 
-use crate::cli::args::{InputArgs, PlaceArgs, PlaceName, SettingsArgs};
+use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::{planned_gcode, planned_part, planned_patch};
 use crate::cli::reading::job;
@@ -101,7 +101,7 @@ fn planned_input(
             return planned_part::from_mesh(path, loaded, place, &keep_out, settings, job, console);
         }
         Input::Gcode(program) => {
-            let speed = settings_args.speed;
+            let speed = settings_args.options.speed_mm_s;
             return planned_gcode::from_gcode(path, program, speed, settings, console);
         }
         Input::Outline(mut loaded) => {
@@ -114,7 +114,7 @@ fn planned_input(
         Input::Path(run) => {
             let run = load_run::with_more(run, reading, place, &settings, console)?;
             let mut run = run.turned(turn_rad);
-            settings = at_feeds(&mut run, settings_args.speed, &settings);
+            settings = at_feeds(&mut run, settings_args.options.speed_mm_s, &settings);
             Flat::Path(run)
         }
     };
@@ -190,7 +190,7 @@ fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Setting
     let of_run = RunOptions {
         gap_mm: place.gap,
         corner_tolerance_mm: place.corner_tolerance,
-        place: place.place.map(PlaceName::place),
+        place: place.place,
     };
     let settings = of_run.over(settings);
     Ok(Settings {
@@ -210,7 +210,7 @@ fn check_options(
 ) -> Result<(), CliError> {
     let of_outlines = load::outline_option(settings, place.keep_out.as_deref());
     let problem = match (input, of_outlines, load::mesh_option(place)) {
-        (Input::Mesh(_), ..) if settings.layers.is_some() => {
+        (Input::Mesh(_), ..) if settings.options.layers.is_some() => {
             "--layers goes with outlines: a mesh has its own; --layer-range takes some of them"
                 .to_string()
         }

@@ -1,10 +1,7 @@
 //! Options and files -> settings and target.
 
 use crate::cli::args::compare::HeadingAxis;
-use crate::cli::args::{
-    FormatName, InputArgs, LawName, PassName, PlaceArgs, QualityName, SeamName, SettingsArgs,
-    UnitName,
-};
+use crate::cli::args::{FormatName, InputArgs, PlaceArgs, SettingsArgs, UnitName};
 use crate::cli::error::CliError;
 use crate::cli::reading::{file_axes, job};
 use crate::cli::terminal::console::Console;
@@ -14,7 +11,7 @@ use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptio
 use crate::mesh::MeshFormat;
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::options::Options;
-use crate::settings::{HeadingLaw, PassMode, Quality, SeamPlace, Settings, machine_file};
+use crate::settings::{Settings, machine_file};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -36,7 +33,7 @@ pub(crate) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
     let aperture = aperture.map(|text| with_polygon(text, Path::new("")));
     let options = Options {
         aperture: aperture.transpose()?,
-        ..options(args)
+        ..args.options.clone()
     };
     let settings = options.over(of_machine);
     let mut settings = settings.map_err(|error| CliError::Usage(error.to_string()))?;
@@ -57,55 +54,6 @@ fn with_heading_axis(settings: &mut Settings, axis: HeadingAxis) {
             .unwrap_or(joint.acceleration_max);
         joint.acceleration_max = axis.slower * acceleration_max;
         joint.jerk_max *= axis.slower;
-    }
-}
-
-/// The options as the library has them, but the aperture, which may lie in a file.
-fn options(args: &SettingsArgs) -> Options {
-    Options {
-        aperture: None,
-        speed_mm_s: args.speed,
-        wall_speed_mm_s: args.wall_speed,
-        solid_speed_mm_s: args.solid_speed,
-        sparse_speed_mm_s: args.sparse_speed,
-        layer_time_min_s: args.min_layer_time,
-        layer_time_max_s: args.wide.max_layer_time,
-        continuous_z: args.wide.continuous_z.then_some(true),
-        outer_inner_ratio_max: args.wide.max_outer_inner_ratio,
-        layer_height_mm: args.layer_height,
-        layers: args.layers,
-        pass_mode: args.pass.map(|pass| match pass {
-            PassName::Two => PassMode::Two,
-            PassName::One => PassMode::One,
-        }),
-        heading_law: args.law.map(|law| match law {
-            LawName::Tangent => HeadingLaw::Tangent,
-            LawName::Linear => HeadingLaw::Linear,
-        }),
-        quality: args.quality.map(|quality| match quality {
-            QualityName::Fine => Quality::Fine,
-            QualityName::Standard => Quality::Standard,
-            QualityName::Fast => Quality::Fast,
-        }),
-        tolerance_mm: args.tolerance,
-        overlap_pct: args.overlap,
-        walls: args.walls,
-        infill_density_pct: args.infill_density,
-        infill_angle_rad: args.infill_angle.map(f64::to_radians),
-        bottom_layers: args.bottom,
-        top_layers: args.top,
-        skirt_loops: args.skirt,
-        skirt_distance_mm: args.skirt_distance_mm,
-        brim_loops: args.brim,
-        avoid_crossing: args.avoid_crossing,
-        seam: args.seam.map(|seam| match seam {
-            SeamName::Nearest => SeamPlace::Nearest,
-            SeamName::Aligned => SeamPlace::Aligned,
-            SeamName::Sharpest => SeamPlace::Sharpest,
-        }),
-        seam_direction_rad: args.seam_direction.map(f64::to_radians),
-        // What goes with one kind of input is read with that.
-        ..Options::default()
     }
 }
 
@@ -244,7 +192,7 @@ fn not_outline(path: &Path, error: &InputError) -> CliError {
 
 /// The first option given that only outlines know: a run of waypoints is followed as it is.
 pub(crate) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Option<&'static str> {
-    let of_settings = options(args).of_outlines();
+    let of_settings = args.options.of_outlines();
     of_settings.or(keep_out.map(|_| "--keep-out"))
 }
 

@@ -122,7 +122,7 @@ impl RegionJob<'_> {
             return passes.into_iter().map(|pass| (pass, None)).collect();
         };
         if let Some((bound, unrounded)) = unrounded {
-            self.round(&mut begun, unrounded, bound);
+            self.round(&mut begun, unrounded, bound, open_mm2);
         }
         take(&mut passes, &mut begun);
         let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
@@ -178,15 +178,17 @@ impl RegionJob<'_> {
     }
 
     /// Rounds the passes where they curve more than wide beads take. Where walls leave no room for that they would only
-    /// waver: they stay as they are unless half of what is too tight is gone. `rounded` is what they began with.
-    fn round(&self, begun: &mut Vec<Begun>, mut rounded: Vec<Begun>, bound: f64) {
+    /// waver: they stay as they are unless half of what is too tight is gone and little more is open than the
+    /// `open_mm2` there were. `rounded` is what they began with.
+    fn round(&self, begun: &mut Vec<Begun>, mut rounded: Vec<Begun>, bound: f64, open_mm2: f64) {
         let tight_mm = |begun: &[Begun]| {
             let unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
             headway_optimiser::tight_mm(&unknowns, self.site.aperture, bound)
         };
         let before_mm = tight_mm(begun);
         if before_mm > 0.0
-            && self.run(&mut rounded, ROUNDING, Some(bound)).is_some()
+            && (self.run(&mut rounded, ROUNDING, Some(bound)))
+                .is_some_and(|rounded_mm2| rounded_mm2 - open_mm2 < OPEN_SHARE * self.ground_mm2)
             && tight_mm(&rounded) <= 0.5 * before_mm
         {
             *begun = rounded;

@@ -200,46 +200,16 @@ struct Print {
     overlap_pct: Option<f64>,
     nozzle_body_radius_mm: Option<f64>,
     avoid_crossing: Option<bool>,
-    seam: Option<SeamName>,
+    seam: Option<SeamPlace>,
     seam_direction_deg: Option<f64>,
-    pass: Option<PassName>,
-    law: Option<LawName>,
-    quality: Option<QualityName>,
+    pass: Option<PassMode>,
+    law: Option<HeadingLaw>,
+    quality: Option<Quality>,
     layer_time_min_s: Option<f64>,
     slow_speed_min_mm_s: Option<f64>,
     outer_inner_ratio_max: Option<f64>,
     layer_time_max_s: Option<f64>,
     continuous_z: Option<bool>,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum PassName {
-    Two,
-    One,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum LawName {
-    Tangent,
-    Linear,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum QualityName {
-    Fine,
-    Standard,
-    Fast,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum SeamName {
-    Nearest,
-    Aligned,
-    Sharpest,
 }
 
 #[derive(Default, Deserialize)]
@@ -324,22 +294,9 @@ impl File {
             prime_retract: flow.prime_retract(&default.prime_retract),
             plan_share: self.plan_share.unwrap_or(default.plan_share),
             overlap_pct: print.overlap_pct.unwrap_or(default.overlap_pct),
-            pass_mode: match print.pass {
-                Some(PassName::Two) => PassMode::Two,
-                Some(PassName::One) => PassMode::One,
-                None => default.pass_mode,
-            },
-            heading_law: match print.law {
-                Some(LawName::Tangent) => HeadingLaw::Tangent,
-                Some(LawName::Linear) => HeadingLaw::Linear,
-                None => default.heading_law,
-            },
-            quality: match print.quality {
-                Some(QualityName::Fine) => Quality::Fine,
-                Some(QualityName::Standard) => Quality::Standard,
-                Some(QualityName::Fast) => Quality::Fast,
-                None => default.quality,
-            },
+            pass_mode: print.pass.unwrap_or(default.pass_mode),
+            heading_law: print.law.unwrap_or(default.heading_law),
+            quality: print.quality.unwrap_or(default.quality),
             infill: self.infill.as_ref().map(FileInfill::infill),
             skirt: self.skirt.over(&default.skirt),
             nozzle_body_radius_mm: print
@@ -472,12 +429,7 @@ impl FileInfill {
 impl Print {
     fn seam_over(&self, default: &Seam) -> Seam {
         Seam {
-            place: match self.seam {
-                Some(SeamName::Nearest) => SeamPlace::Nearest,
-                Some(SeamName::Aligned) => SeamPlace::Aligned,
-                Some(SeamName::Sharpest) => SeamPlace::Sharpest,
-                None => default.place,
-            },
+            place: self.seam.unwrap_or(default.place),
             direction_rad: self
                 .seam_direction_deg
                 .map_or(default.direction_rad, f64::to_radians),

@@ -14,9 +14,7 @@ use super::wide_beads::{write_flow, write_print};
 use super::wiring::write_wiring;
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{axes_joint_names, joint_names, kinematics_name};
-use crate::settings::{
-    BOTTOM_LAYERS, HeadingLaw, PassMode, Quality, SeamPlace, Settings, TOP_LAYERS, Tolerances,
-};
+use crate::settings::{BOTTOM_LAYERS, Settings, TOP_LAYERS, Tolerances};
 use headway_firmware::configuration::axis_family::AxisFamily;
 use headway_firmware::configuration::{Arm, JointConfiguration, Kinematics};
 use std::f64::consts::TAU;
@@ -285,21 +283,9 @@ fn write_joint(
 
 /// What the planner chooses by.
 fn write_choices(text: &mut String, s: &Settings) -> std::fmt::Result {
-    let pass = match s.pass_mode {
-        PassMode::Two => "two",
-        PassMode::One => "one",
-    };
-    writeln!(text, "pass = \"{pass}\"")?;
-    let law = match s.heading_law {
-        HeadingLaw::Tangent => "tangent",
-        HeadingLaw::Linear => "linear",
-    };
-    writeln!(text, "law = \"{law}\"")?;
-    let quality = match s.quality {
-        Quality::Fine => "fine",
-        Quality::Standard => "standard",
-        Quality::Fast => "fast",
-    };
+    writeln!(text, "pass = \"{}\"", s.pass_mode.name())?;
+    writeln!(text, "law = \"{}\"", s.heading_law.name())?;
+    let quality = s.quality.name();
     writeln!(
         text,
         "# What ground left open or laid twice is worth in seconds of printing: fine, standard or fast."
@@ -402,11 +388,7 @@ fn write_travel(text: &mut String, s: &Settings) -> std::fmt::Result {
     writeln!(text, "nozzle_body_radius_mm = {body}")?;
     writeln!(text, "# Travel stays inside the part where there is a way.")?;
     writeln!(text, "avoid_crossing = {}", s.avoid_crossing)?;
-    let seam = match s.seam.place {
-        SeamPlace::Nearest => "nearest",
-        SeamPlace::Aligned => "aligned",
-        SeamPlace::Sharpest => "sharpest",
-    };
+    let seam = s.seam.place.name();
     writeln!(
         text,
         "# Where loops begin and end: nearest, aligned or sharpest."

@@ -324,6 +324,20 @@ fn surface(file: &Path) -> String {
     let mut lines = text.lines();
     while let Some(line) = lines.next() {
         let item = line.trim_start();
+        // Options stand in a list: name on the command line, name of its value, field and type.
+        if let Some((_, declared)) = item
+            .strip_prefix('"')
+            .and_then(|rest| rest.split_once("\" "))
+        {
+            let declared = declared
+                .rsplit_once('"')
+                .map_or(declared, |(_, field)| field);
+            if let Some((field, kind)) = declared.split_once(": ") {
+                let kind = kind.split(" [").next().unwrap_or_default();
+                writeln!(found, "pub {}: Option<{kind}>", field.trim()).unwrap();
+            }
+            continue;
+        }
         if !item.starts_with("pub ") || item.starts_with("pub mod") {
             continue;
         }
