@@ -218,7 +218,6 @@ impl Motion {
                 return Err(CommandError::Invalid);
             }
         }
-        self.jog.clear();
         self.begin_jog();
         self.jog.joint = joint;
         self.jog.mover.begin(here, distance, limits);
@@ -230,8 +229,8 @@ impl Motion {
         let targets = self.rest_targets(&pose)?;
         let here = self.programmer.newest_targets(&self.waiting);
         let known = self.reference.known;
+        self.begin_jog();
         let hand = &mut self.jog;
-        hand.clear();
         let rises = targets.get(Z) > here.get(Z);
         let mut add = |joint: usize| {
             if known >> joint & 1 == 1
@@ -250,7 +249,6 @@ impl Motion {
         if !rises {
             add(Z);
         }
-        self.begin_jog();
         self.rest_mover(0);
         Ok(())
     }
@@ -278,20 +276,20 @@ impl Motion {
     }
 
     fn home(&mut self, order: JointOrder) -> Result<(), CommandError> {
-        let hand = &mut self.jog;
-        hand.clear();
+        let switches = &self.jog.switches;
+        let mut joints = Vec::new();
         if order == JointOrder::ALL {
-            let all = hand.switches.joints.iter().map(|switch| switch.joint);
-            hand.order.extend(all.take(JointOrder::JOINTS_MAX));
+            let all = switches.joints.iter().map(|switch| switch.joint);
+            joints.extend(all.take(JointOrder::JOINTS_MAX));
         } else {
-            hand.order.extend(order.joints());
+            joints.extend(order.joints());
         }
-        let known = |joint: &u8| hand.switches.of(*joint).is_some();
-        if hand.order.is_empty() || !hand.order.iter().all(known) {
-            hand.order.clear();
+        let known = |joint: &u8| switches.of(*joint).is_some();
+        if joints.is_empty() || !joints.iter().all(known) {
             return Err(CommandError::Invalid);
         }
         self.begin_jog();
+        self.jog.order = joints;
         self.home_next();
         Ok(())
     }
@@ -329,7 +327,6 @@ impl Motion {
         if let Melt::Cold(heater) | Melt::Warming(heater) = self.heat.melt() {
             return Err(CommandError::Cold(heater));
         }
-        self.jog.clear();
         self.begin_jog();
         // Nobody moves: the mover rests where the first joint is.
         self.rest_mover(0);
@@ -360,8 +357,10 @@ impl Motion {
         self.jog.mover = JointMove::at_rest(self.joint_position(joint));
     }
 
+    /// A move by hand begins: nothing of the last one is left.
     #[inline(never)]
     pub(super) fn begin_jog(&mut self) {
+        self.jog.clear();
         self.state = State::Jog { brakes: false };
         self.idle_ticks = 0;
         self.programmer.forget(&self.waiting);

@@ -59,7 +59,6 @@ impl Motion {
             return Ok(());
         }
         self.probe = ProbeResult::None;
-        self.jog.clear();
         self.begin_jog();
         self.rest_mover(joint);
         let pin_ticks = self.pin.ticks(self.servo_hz);

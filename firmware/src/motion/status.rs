@@ -4,6 +4,7 @@ use super::Motion;
 use super::state::{Demand, State, Stream};
 use crate::configuration::MOTORS_MAX;
 use crate::motion::driver_panel::DriverPanel;
+use crate::motion::inputs::Inputs;
 use crate::steps::count;
 use headway_protocol::message::{DeviceState, Fault};
 
@@ -113,6 +114,11 @@ impl Motion {
     /// Joints whose switch is pressed, as a mask, and the probe.
     pub fn switches(&self) -> u8 {
         self.inputs.switches
+    }
+
+    /// Levels of the inputs.
+    pub fn inputs(&self) -> &Inputs {
+        &self.inputs
     }
 
     /// True once something was asked to move, until the motors are let go: the drivers are to hold.
