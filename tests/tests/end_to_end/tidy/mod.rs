@@ -6,9 +6,11 @@
 //! and paths that begin with `crate::` or a package's name.
 
 mod doc_paths;
+mod firmware;
 mod lengths;
 mod planner;
 
+use firmware::check_rooms_of_firmware;
 use planner::check_stages;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -446,16 +448,23 @@ fn the_rules_can_fail() {
         lines: vec!["use crate::plan::beads::passes;".to_string()],
         code_lines: 1,
     };
+    let upward = Source {
+        name: "firmware/src/steps/bad.rs".to_string(),
+        lines: vec!["use crate::motion::Motion;".to_string()],
+        code_lines: 1,
+    };
     let mut breaches = Breaches(Vec::new());
     check_rooms(&bad, &mut breaches);
     check_panics(&bad, &mut breaches);
     check_lengths(&bad, &mut breaches);
     check_stages(&circle, &mut breaches);
+    check_rooms_of_firmware(&upward, &mut breaches);
     let expected = [
         "host/src/drive/bad.rs:1: names crate::plan: drive moves segments and never imports plan",
         "host/src/drive/bad.rs:2: .unwrap() outside tests",
         "host/src/drive/bad.rs:511: file of 511 lines, at most 510",
         "host/src/plan/axis/bad.rs:1: stage axis imports from a later one",
+        "firmware/src/steps/bad.rs:1: room steps imports from a later one",
     ];
     assert_eq!(breaches.0, expected);
 }
