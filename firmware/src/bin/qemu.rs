@@ -25,7 +25,7 @@ use board::{Trace as Output, pend_stop};
 
 #[cfg(target_os = "none")]
 mod board {
-    use crate::runtime::{self, Board, Outgoing, with_motion, with_output};
+    use crate::runtime::{self, Board, Locked, with_motion, with_output};
     use core::sync::atomic::{AtomicI32, AtomicU32, Ordering};
     use cortex_m::peripheral::{NVIC, Peripherals};
     use cortex_m_rt::exception;
@@ -33,7 +33,9 @@ mod board {
     use headway_firmware::board::built_in::{EMULATED_SWITCHES_STEPS, emulated_planar};
     use headway_firmware::configuration::MOTORS_MAX;
     use headway_firmware::configuration::homing::HomingConfiguration;
-    use headway_firmware::line::Receiver;
+    use headway_firmware::design::WEIGHED_KNOTS;
+    use headway_firmware::line::{Outgoing, Receiver, SECOND_LINE};
+    use headway_firmware::machine::round::{Surroundings, round};
     use headway_firmware::motion::inputs::Inputs;
     use headway_firmware::steps::output::StepOutput;
     use headway_protocol::message::DeviceState;
@@ -181,23 +183,55 @@ mod board {
         NVIC::pend(Button);
     }
 
+    /// Bytes of the link, as they come; a second line has none.
+    struct Bytes {
+        is_link: bool,
+        /// One has come since this was last looked at.
+        heard: bool,
+    }
+
+    impl Iterator for Bytes {
+        type Item = u8;
+
+        fn next(&mut self) -> Option<u8> {
+            let byte = if self.is_link { LINK.receive() } else { None };
+            self.heard |= byte.is_some();
+            byte
+        }
+    }
+
+    impl Surroundings for Bytes {
+        const AT_ONCE: bool = false;
+        const WEIGHED_KNOTS: usize = WEIGHED_KNOTS;
+        type Bytes = Self;
+
+        fn heard(&mut self, line: usize) -> &mut Self {
+            self.is_link = line != SECOND_LINE;
+            self
+        }
+
+        fn send(&mut self, _line: usize, bytes: &[u8]) -> usize {
+            match bytes.first() {
+                Some(&byte) if LINK.read(STATE) & TX_FULL == 0 => {
+                    LINK.write(DATA, byte.into());
+                    1
+                }
+                _ => 0,
+            }
+        }
+    }
+
     fn serve(mut receiver: Receiver) -> bool {
         let mut outgoing = Outgoing::new();
+        let mut around = Bytes {
+            is_link: true,
+            heard: false,
+        };
         let mut ended_tick = None;
         loop {
-            if !receiver.is_busy()
-                && let Some(byte) = LINK.receive()
-            {
-                runtime::take_bytes(&mut receiver, 0, &mut core::iter::once(byte));
+            round(&mut receiver, &mut outgoing, &mut Locked, &mut around);
+            if core::mem::take(&mut around.heard) {
                 ended_tick = None;
-            }
-            runtime::work(&mut receiver);
-            runtime::look_ahead();
-            if let Some(&byte) = outgoing.pending(&mut receiver).first()
-                && LINK.read(STATE) & TX_FULL == 0
-            {
-                LINK.write(DATA, byte.into());
-                outgoing.sent(1);
             }
             let (now, over) = with_motion(|motion| {
                 let ended = matches!(motion.state(), DeviceState::Finished | DeviceState::Faulted);

@@ -32,13 +32,15 @@ use bench::{lock_begins, lock_ends};
 #[cfg(target_os = "none")]
 mod bench {
     use crate::ports::{DriverPorts, PORT_BYTES, SET_RESET};
-    use crate::runtime::{self, Board, Outgoing, with_motion};
+    use crate::runtime::{self, Board, Locked, with_motion};
     use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
     use cortex_m_semihosting::{debug, hprintln, syscall};
     use headway_firmware::board::octopus::DIRECTION;
     use headway_firmware::configuration::homing::HomingConfiguration;
     use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
-    use headway_firmware::line::Receiver;
+    use headway_firmware::design::WEIGHED_KNOTS;
+    use headway_firmware::line::{Outgoing, Receiver};
+    use headway_firmware::machine::round;
     use headway_firmware::motion::inputs::Inputs;
     use headway_firmware::steps::output::PortOutput;
     use headway_protocol::frame::FRAME_BYTES_MAX;
@@ -305,10 +307,12 @@ mod bench {
                 .chunks(PACKET_BYTES)
             {
                 piece(BYTES, empty, counts, || {
-                    runtime::take_bytes(receiver, 0, &mut packet.iter().copied());
+                    round::take_bytes(receiver, 0, &mut packet.iter().copied(), &mut Locked);
                     true
                 });
-                while piece(WORK, empty, counts, || runtime::work(receiver)) {}
+                while piece(WORK, empty, counts, || {
+                    round::work(receiver, WEIGHED_KNOTS, &mut Locked)
+                }) {}
             }
         }
 
@@ -316,7 +320,7 @@ mod bench {
         fn report(&mut self, empty: u32, counts: &mut Counts) {
             let (receiver, outgoing) = (&mut self.receiver, &mut self.outgoing);
             piece(REPORT, empty, counts, || {
-                let length = outgoing.pending(receiver).len();
+                let length = round::pending(receiver, outgoing, &mut Locked).len();
                 outgoing.sent(length);
                 length > 0
             });
@@ -334,7 +338,7 @@ mod bench {
 
     /// What the main loop does for the spans to come.
     fn time_ahead(empty: u32, counts: &mut Counts) {
-        while piece(AHEAD, empty, counts, runtime::look_ahead) {}
+        while piece(AHEAD, empty, counts, || round::look_ahead(&mut Locked)) {}
     }
 
     fn time_steps(interval_ticks: u32, empty: u32, counts: &mut Counts) {

@@ -50,14 +50,8 @@ impl Default for Packet {
     }
 }
 
-/// Shows `take` what has arrived, of which it takes what it has time for, and sends what it can of
-/// `pending`: how many bytes of it. A line in trouble has nothing and takes nothing.
-pub fn exchange<L: Line>(
-    line: &mut L,
-    incoming: &mut Incoming,
-    pending: &[u8],
-    take: impl FnOnce(&mut Incoming),
-) -> usize {
+/// Fills `incoming` with what has arrived, once all that it had is taken. A line in trouble has nothing.
+pub fn fetch<L: Line>(line: &mut L, incoming: &mut Incoming) {
     // It is asked in each round, whether or not there is room: a USB device answers its host by it.
     if let Ok(true) = line.read_ready()
         && incoming.from == incoming.to
@@ -66,7 +60,10 @@ pub fn exchange<L: Line>(
         incoming.from = 0;
         incoming.to = length.min(PACKET_BYTES);
     }
-    take(incoming);
+}
+
+/// Sends what a line takes of `pending`: how many bytes of it. A line in trouble takes nothing.
+pub fn send<L: Line>(line: &mut L, pending: &[u8]) -> usize {
     if pending.is_empty() || !line.write_ready().unwrap_or(false) {
         return 0;
     }

@@ -5,15 +5,15 @@
 //! switches, emergency -> PinBoard (InputPin)        -> inputs, once a servo tick
 //! enables, lamp       <- PinBoard (OutputPin), Lamp (SetDutyCycle)
 //! heaters, fans       <- BoardPins::put_heat; their sensors -> HeatPort
-//! bytes               <-> exchange (Read, Write and their readiness)
+//! bytes               <-> fetch, send (Read, Write and their readiness)
 //! settings            <-> sector_flash (an STM32F4's), for the store
 //! ```
 //! In: levels, conversions and bytes of a chip. Out: inputs, readings and requests of the library, and its steps, duties
-//! and reports back at the pins; which settings a board runs (`built_in`) and whether it may feed its watchdog.
+//! and reports back at the pins; which settings a board runs (`built_in`).
 //! A board binary adds clocks, interrupts and which pin is which. What a board may replace by
 //! something faster is the same contract: `PortOutput` and `PinOutput` are both [`StepOutput`]s, and a
 //! test plays the same random interval on both and compares the levels.
-//! Left out: who calls what when, which is the boards' runtime; anything of one chip.
+//! Left out: who calls what when, which is `machine` and the boards' runtime; anything of one chip.
 //!
 //! [`StepOutput`]: crate::steps::output::StepOutput
 
@@ -27,11 +27,10 @@ mod pins;
 mod ring;
 pub mod sector_flash;
 mod start;
-pub mod watchdog;
 
 pub use heat_port::{HeatPort, NoHeat};
 pub use lamp::Lamp;
-pub use line::{Incoming, Line, NoLine, exchange};
+pub use line::{Incoming, Line, NoLine, fetch, send};
 pub use pins::{BoardPins, INPUTS_SETTLE_MS, PinBoard, PinOutput};
 pub use ring::ByteRing;
 pub use start::{

@@ -229,9 +229,9 @@ fn a_line_is_never_waited_for() {
     };
     let (mut taken, mut incoming) = (Vec::new(), Incoming::new());
     let mut turn = |line: &mut Recorded, pending: &[u8], most: usize| {
-        exchange(line, &mut incoming, pending, |bytes| {
-            taken.extend(bytes.take(most));
-        })
+        fetch(line, &mut incoming);
+        taken.extend((&mut incoming).take(most));
+        send(line, pending)
     };
     assert_eq!(turn(&mut line, b"report", 0), 3);
     // What is not taken waits, and so does the rest of the line.
@@ -240,11 +240,10 @@ fn a_line_is_never_waited_for() {
     (0..3).for_each(|_| assert_eq!(turn(&mut line, &[], 64), 0));
     assert_eq!(taken, (0..100).collect::<Vec<u8>>());
     assert_eq!(line.sent, b"rep");
-    let nothing = |bytes: &mut Incoming| assert_eq!(bytes.next(), None);
-    assert_eq!(
-        exchange(&mut NoLine, &mut Incoming::new(), b"report", nothing),
-        0
-    );
+    let mut nothing = Incoming::new();
+    fetch(&mut NoLine, &mut nothing);
+    assert_eq!(nothing.next(), None);
+    assert_eq!(send(&mut NoLine, b"report"), 0);
 }
 
 #[test]

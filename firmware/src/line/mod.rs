@@ -10,6 +10,7 @@
 //! control frames when newer than the last one. `WIRE.md` of the protocol has the rules.
 
 mod commands;
+mod outgoing;
 mod reports;
 mod second_line;
 mod unpacking;
@@ -30,6 +31,7 @@ use headway_protocol::message::{
 use headway_protocol::segment::FlowEvent;
 use headway_protocol::units::CHANNEL_VOLUME;
 use heapless::Deque;
+pub use outgoing::Outgoing;
 use second_line::Watched;
 use unpacking::Unpacking;
 

@@ -10,7 +10,12 @@
 //! [`Machine::servo_tick`], then `step_hz / servo_hz` times [`Machine::step_tick`] (or
 //! [`Machine::run_servo_interval`], which is both at once with the same result);
 //! [`Machine::poll_report`] until it returns 0. Time is the number of calls. A board that runs
-//! servo and steps in interrupts of their own builds the parts where they live ([`Machine::check`]).
+//! servo and steps in interrupts of their own builds the parts where they live ([`Machine::check`]); servo tick
+//! ([`servo`]) and round of the main loop ([`round`]) are the very same functions there.
+
+pub mod round;
+pub mod servo;
+pub mod watchdog;
 
 use crate::configuration::heat::HeatConfiguration;
 use crate::configuration::homing::HomingConfiguration;
@@ -18,7 +23,7 @@ use crate::configuration::{ConfigurationError, MachineConfiguration};
 use crate::drivers::{DriverPort, DriverService};
 use crate::heat::Outputs;
 use crate::heat::service::HeatService;
-use crate::line::{Receiver, Request};
+use crate::line::{Outgoing, Receiver, Request};
 use crate::motion::Motion;
 use crate::motion::inputs::Inputs;
 use crate::motion::probe_pin::ProbePin;
@@ -26,15 +31,19 @@ use crate::settings::BoardLimits;
 use crate::steps::StepPlayer;
 use crate::steps::output::StepOutput;
 use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
-use headway_protocol::message::{Fault, FaultCause};
+use headway_protocol::message::Fault;
+use round::{Controller, Surroundings};
+use servo::{Servo, stop_if_due};
 
 /// Receiver, motion and step player.
 #[derive(Clone, Debug)]
 pub struct Machine {
     receiver: Receiver,
-    motion: Motion,
+    outgoing: Outgoing,
+    servo: Servo,
     player: StepPlayer,
-    overruns: u32,
+    /// Rounds of the main loop.
+    rounds: u32,
 }
 
 impl Machine {
@@ -63,9 +72,10 @@ impl Machine {
         Self::check(configuration, switches)?;
         Ok(Self {
             receiver: Receiver::new(configuration, session),
-            motion: Motion::new(configuration, switches),
+            outgoing: Outgoing::new(),
+            servo: Servo::new(Motion::new(configuration, switches)),
             player: StepPlayer::new(configuration.interval_ticks()),
-            overruns: 0,
+            rounds: 0,
         })
     }
 
@@ -86,10 +96,10 @@ impl Machine {
     pub fn handle_bytes(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             if let Some(request) = self.push(byte) {
-                self.receiver.apply(request, &mut self.motion);
+                self.receiver.apply(request, self.servo.motion_mut());
             }
         }
-        self.stop_if_due();
+        stop_if_due(self.servo.motion_mut(), &mut self.player);
     }
 
     /// The board has a store for settings, see [`Receiver::keep_settings`].
@@ -104,21 +114,21 @@ impl Machine {
 
     /// The probe has a pin, see [`Motion::fit_probe_pin`].
     pub fn fit_probe_pin(&mut self, pin: ProbePin) {
-        self.motion.fit_probe_pin(pin);
+        self.servo.motion_mut().fit_probe_pin(pin);
     }
 
     /// Looks after the drivers, where it is their turn: to be called again and again.
     pub fn serve_drivers(&mut self, service: &mut DriverService, port: &mut impl DriverPort) {
-        if service.is_due(&self.motion) {
+        if service.is_due(self.servo.motion()) {
             service.turn(port);
-            service.tell(&mut self.motion);
+            service.tell(self.servo.motion_mut());
         }
     }
 
     /// Sets the drivers up, before the first servo tick.
     pub fn set_up_drivers(&mut self, service: &mut DriverService, port: &mut impl DriverPort) {
         service.set_up(port);
-        service.tell(&mut self.motion);
+        service.tell(self.servo.motion_mut());
     }
 
     /// Stores settings that have come, see [`Receiver::store_settings`].
@@ -128,13 +138,13 @@ impl Machine {
 
     /// Takes bytes from a second line ([`Receiver::watching`]).
     pub fn handle_watcher(&mut self, watcher: &mut Receiver, bytes: &[u8]) {
-        watcher.watch(&self.receiver, &self.motion);
+        watcher.watch(&self.receiver, self.servo.motion());
         for &byte in bytes {
             if let Some(request) = watcher.receive(0, byte) {
-                watcher.apply(request, &mut self.motion);
+                watcher.apply(request, self.servo.motion_mut());
             }
         }
-        self.stop_if_due();
+        stop_if_due(self.servo.motion_mut(), &mut self.player);
     }
 
     /// Takes a byte of the first line, and returns what it completes, for [`Self::apply`]. A block of knots is handed
@@ -143,22 +153,22 @@ impl Machine {
         let request = self.receiver.receive(0, byte);
         if self.receiver.is_busy() {
             self.receiver.work(KNOTS_PER_BLOCK_MAX);
-            self.receiver.deliver(&mut self.motion);
+            self.receiver.deliver(self.servo.motion_mut());
         }
         request
     }
 
     /// Hands over what the host on the first line asks.
     pub fn apply(&mut self, request: Request) {
-        self.receiver.apply(request, &mut self.motion);
-        self.stop_if_due();
+        self.receiver.apply(request, self.servo.motion_mut());
+        stop_if_due(self.servo.motion_mut(), &mut self.player);
     }
 
     /// Hands over what a host on a second line asks.
     pub fn apply_watcher(&mut self, watcher: &mut Receiver, request: Request) {
-        watcher.watch(&self.receiver, &self.motion);
-        watcher.apply(request, &mut self.motion);
-        self.stop_if_due();
+        watcher.watch(&self.receiver, self.servo.motion());
+        watcher.apply(request, self.servo.motion_mut());
+        stop_if_due(self.servo.motion_mut(), &mut self.player);
     }
 
     /// The hosts on the first line and on a second one change places, see [`Receiver::exchange_hosts`].
@@ -168,26 +178,29 @@ impl Machine {
 
     /// The next report for a second line, as [`Self::poll_report`].
     pub fn poll_watcher(&self, watcher: &mut Receiver, out: &mut [u8]) -> usize {
-        watcher.poll_report(&self.motion, out)
+        watcher.poll_report(self.servo.motion(), out)
     }
 
     /// Levels of the inputs, for the next servo tick.
     pub fn set_inputs(&mut self, inputs: Inputs) {
-        self.motion.set_inputs(inputs);
+        self.servo.motion_mut().set_inputs(inputs);
     }
 
     /// One servo tick: the next interval's steps.
     pub fn servo_tick(&mut self) {
-        if self.player.overruns() != self.overruns {
-            self.note_overrun();
-            self.stop_if_due();
-        }
-        if self.motion.tick(self.player.idle_bank()) {
-            self.player.hand_over();
-        } else {
-            self.stop_if_due();
-        }
-        self.motion.look_ahead();
+        tick(&mut self.servo, &mut self.player, self.rounds);
+        self.servo.motion_mut().look_ahead();
+    }
+
+    /// One round of the main loop with a servo tick and all its step ticks in it: as a board goes round.
+    pub fn round<O: StepOutput>(&mut self, output: &mut O, around: &mut impl Surroundings) {
+        let mut turns = Turns {
+            servo: &mut self.servo,
+            player: &mut self.player,
+            rounds: &mut self.rounds,
+            output,
+        };
+        round::round(&mut self.receiver, &mut self.outgoing, &mut turns, around);
     }
 
     /// One step tick.
@@ -215,7 +228,7 @@ impl Machine {
     /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX` long) and returns its
     /// length; 0 if there is nothing to say.
     pub fn poll_report(&mut self, out: &mut [u8]) -> usize {
-        self.receiver.poll_report(&self.motion, out)
+        self.receiver.poll_report(self.servo.motion(), out)
     }
 
     /// The machine has these heaters: what looks after them, off at first.
@@ -224,43 +237,57 @@ impl Machine {
         configuration: &MachineConfiguration,
         heat: &HeatConfiguration,
     ) -> HeatService {
-        HeatService::new(configuration, heat, &mut self.motion)
+        HeatService::new(configuration, heat, self.servo.motion_mut())
     }
 
     /// What heaters and fans are to put out from now on, once in a period; `None` between.
     pub fn serve_heat(&mut self, service: &mut HeatService, fan_turns: u8) -> Option<Outputs> {
-        service.serve(&mut self.motion, fan_turns)
+        service.serve(self.servo.motion_mut(), fan_turns)
     }
 
     /// What the motion is doing.
     pub fn motion(&self) -> &Motion {
-        &self.motion
+        self.servo.motion()
     }
 
     /// Latches a fault and stops at once: emergency input, limit switch, watchdog.
     pub fn fail_at_once(&mut self, fault: Fault) {
-        self.motion.fail_at_once(fault);
-        self.stop_if_due();
+        self.servo.motion_mut().fail_at_once(fault);
+        stop_if_due(self.servo.motion_mut(), &mut self.player);
+    }
+}
+
+/// Servo, steps and main loop in turns: nothing interrupts.
+struct Turns<'a, O> {
+    servo: &'a mut Servo,
+    player: &'a mut StepPlayer,
+    rounds: &'a mut u32,
+    output: &'a mut O,
+}
+
+impl<O: StepOutput> Controller for Turns<'_, O> {
+    fn with_motion<R>(&mut self, work: impl FnOnce(&mut Motion) -> R) -> Option<R> {
+        Some(work(self.servo.motion_mut()))
     }
 
-    fn stop_if_due(&mut self) {
-        if self.motion.take_stop() {
-            let stopped = self.player.stop();
-            self.motion.engine_stopped(&stopped);
-        }
+    fn command(&mut self, work: impl FnOnce(&mut Motion)) {
+        work(self.servo.motion_mut());
+        stop_if_due(self.servo.motion_mut(), self.player);
     }
 
-    fn note_overrun(&mut self) {
-        self.overruns = self.player.overruns();
-        // The engine has nothing to play before the first servo tick, and after a stop.
-        if !self.motion.is_at_rest() {
-            self.motion.fail_at_once(Fault {
-                cause: FaultCause::StepOverrun,
-                index: 0,
-                value: self.overruns as i32,
-            });
-        }
+    fn note_round(&mut self) {
+        *self.rounds = self.rounds.wrapping_add(1);
     }
+
+    fn interrupts(&mut self) {
+        tick(self.servo, self.player, *self.rounds);
+        self.player.run_interval(self.output);
+    }
+}
+
+fn tick(servo: &mut Servo, player: &mut StepPlayer, rounds: u32) {
+    let inputs = *servo.motion().inputs();
+    servo.tick(inputs, player, rounds);
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! What the link may ask of the motion. A board calls these under a short lock.
 
-use super::heated::PAUSED;
-use super::{CommandError, Motion, Phase};
+use super::state::{Demand, State, Stream};
+use super::{CommandError, Motion};
 use crate::configuration::MOTORS_MAX;
 use crate::design::{HOLD_RETRACT_DELAY_MS, ticks_of_ms};
 use crate::flow::hold::Hold;
@@ -49,15 +49,11 @@ impl Motion {
         self.place(position, units, self.reference.known)?;
         self.queue.clear();
         self.events.clear();
-        self.aborting = false;
-        self.drivers_on = true;
-        self.phase = Phase::Filling { starved: false };
-        self.finish = false;
-        self.rests = 0;
+        self.state = State::Filling(Stream::NEW);
+        self.warp.let_go();
         self.melt_until_span = 0;
         self.heat.begin_melt();
         self.note_heat();
-        self.held = false;
         self.heard_ticks = self.now_ticks as u32;
         self.stream_start_ticks = None;
         Ok(())
@@ -71,7 +67,11 @@ impl Motion {
         if !self.is_free() {
             return Err(CommandError::Busy);
         }
-        self.place(position, &Units::BASE, 0)
+        self.place(position, &Units::BASE, 0)?;
+        if let Some(standing) = self.state.standing_mut() {
+            standing.on_pose = true;
+        }
+        Ok(())
     }
 
     /// Takes over a pose at rest, only if the `known` joints are there already.
@@ -110,7 +110,6 @@ impl Motion {
         self.still_ticks = self.delays.settle_ticks;
         self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
         self.reference.learn(self.joints.all());
-        self.follows_path = true;
         Ok(())
     }
 
@@ -126,13 +125,13 @@ impl Motion {
     /// True while frames of a stream are awaited: it is open and has no end yet. After a fault what
     /// still comes is taken and dropped.
     pub fn takes_stream(&self) -> bool {
-        let is_open = matches!(self.phase, Phase::Filling { .. } | Phase::Running);
-        self.fault.is_some() || (is_open && !self.finish)
+        let stream = self.state.stream();
+        self.fault.is_some() || stream.is_some_and(|stream| !stream.is_complete)
     }
 
     /// Queues knots in order; false if they do not fit.
     pub fn push_knots(&mut self, knots: &[QueuedKnot]) -> bool {
-        if self.fault.is_some() || self.aborting {
+        if self.fault.is_some() || self.state.is_aborting() {
             return true;
         }
         self.heard_ticks = self.now_ticks as u32;
@@ -157,12 +156,14 @@ impl Motion {
 
     /// Queues a flow event; false if it does not fit.
     pub fn push_event(&mut self, event: &FlowEvent) -> bool {
-        self.fault.is_some() || self.aborting || self.events.push(event)
+        self.fault.is_some() || self.state.is_aborting() || self.events.push(event)
     }
 
     /// The stream is complete.
     pub fn finish(&mut self) {
-        self.finish = true;
+        if let Some(stream) = self.state.stream_mut() {
+            stream.is_complete = true;
+        }
     }
 
     /// A span that cannot be run has arrived: the head comes to rest before it.
@@ -191,12 +192,21 @@ impl Motion {
 
     /// Comes to rest on the path.
     pub fn pause(&mut self) {
-        self.rests |= PAUSED;
+        self.ask_pause(true);
+    }
+
+    #[inline(never)]
+    fn ask_pause(&mut self, asked: bool) {
+        if let Some(stream) = self.state.stream_mut()
+            && let Demand::Go { pauses, .. } = &mut stream.demand
+        {
+            *pauses = asked;
+        }
     }
 
     /// Goes on after a pause.
     pub fn resume(&mut self) {
-        self.rests &= !PAUSED;
+        self.ask_pause(false);
     }
 
     /// Takes over the levels of the inputs; to be called before [`Self::tick`].
@@ -207,11 +217,7 @@ impl Motion {
 
     /// Comes to rest on the path, then forgets the stream.
     pub fn abort(&mut self) {
-        match self.phase {
-            Phase::Idle => {}
-            Phase::Finished => self.phase = Phase::Idle,
-            Phase::Filling { .. } | Phase::Running | Phase::Jog => self.aborting = true,
-        }
+        self.state.abort();
     }
 
     /// Feed override in per cent.
@@ -230,8 +236,7 @@ impl Motion {
     /// than the firmware is for. What is still wrong with a driver comes back at once.
     pub fn clear_fault(&mut self) -> bool {
         let other_board = |fault: Fault| fault.cause == FaultCause::Board;
-        let rests = self.phase == Phase::Idle
-            && !self.stop_due
+        let rests = matches!(self.state, State::Idle { .. })
             && !self.inputs.emergency
             && !self.fault.is_some_and(other_board);
         if rests {
@@ -243,7 +248,7 @@ impl Motion {
     /// True once after a fault that stops at once: the board or [`crate::machine::Machine`] stops
     /// the engine and reports with [`Self::engine_stopped`].
     pub fn take_stop(&mut self) -> bool {
-        core::mem::take(&mut self.stop_due)
+        self.state.take_stop()
     }
 
     /// Goes on from where the engine was stopped.

@@ -1,13 +1,9 @@
 //! What heaters do to the motion: a stream that waits for them, and melt that is left behind hot.
 
-use super::{CommandError, Motion, Phase};
+use super::state::{Demand, Stream};
+use super::{CommandError, Motion};
 use crate::motion::heat_panel::{HeatPanel, Melt};
 use headway_protocol::message::FaultCause;
-
-/// The stream rests because the host asked for it,
-pub(super) const PAUSED: u8 = 1;
-/// or until a heater is there.
-const HEATING: u8 = 2;
 
 impl Motion {
     /// Orders and readings of the heaters.
@@ -39,17 +35,23 @@ impl Motion {
     }
 
     /// Takes over whether the stream waits for a heater, and stops melt that would move cold.
+    // Once in the image.
+    #[inline(never)]
     pub fn note_heat(&mut self) {
-        self.rests &= !HEATING;
-        if self.heat.holds_stream() {
-            self.rests |= HEATING;
-        }
-        if !self.has_melt() {
+        let is_left = self.spans_done() >= self.melt_until_span;
+        let Some(stream) = self.state.stream_mut() else {
+            return;
+        };
+        let Demand::Go { heats, .. } = &mut stream.demand else {
+            return;
+        };
+        *heats = self.heat.holds_stream();
+        if is_left {
             return;
         }
         match self.heat.melt() {
             Melt::Ready => {}
-            Melt::Warming(_) => self.rests |= HEATING,
+            Melt::Warming(_) => *heats = true,
             Melt::Cold(heater) => self.fail_softly(heater.fault()),
         }
     }
@@ -60,16 +62,10 @@ impl Motion {
         self.note_heat();
     }
 
-    /// The open stream has melt that has not been laid.
-    fn has_melt(&self) -> bool {
-        let streams = matches!(self.phase, Phase::Filling { .. } | Phase::Running);
-        streams && !self.aborting && self.spans_done() < self.melt_until_span
-    }
-
     /// Nothing holds the stream.
     #[inline(always)]
-    pub(super) fn may_move(&self) -> bool {
-        self.rests == 0 && !self.aborting && self.fault.is_none()
+    pub(super) fn may_move(&self, stream: &Stream) -> bool {
+        stream.demand.moves() && self.fault.is_none()
     }
 
     /// At rest, before a faulty stream is left: pulls the melt back where a heater was the cause, which
@@ -91,8 +87,7 @@ impl Motion {
             )
         });
         // Without a stream there is nothing that it was primed for, and the motors may have been let go.
-        let streams = matches!(self.phase, Phase::Filling { .. } | Phase::Running);
-        if !hot || !streams {
+        if !hot || self.state.stream().is_none() {
             return false;
         }
         let active = self.flow.is_active();

@@ -4,7 +4,8 @@
 //! rest with no stream open; an abort or a fault brakes them. Afterwards the motors stay where
 //! they are, and the next stream must begin there.
 
-use super::{CommandError, Motion, Phase};
+use super::state::{Standing, State};
+use super::{CommandError, Motion};
 use crate::configuration::homing::HomingConfiguration;
 use crate::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use crate::flow::extruder_limits::event_ratio;
@@ -159,14 +160,15 @@ impl Motion {
 
     /// The motors hold no more: anything may push them.
     pub(super) fn let_go(&mut self) {
-        self.drivers_on = false;
         self.reference.lose(self.joints.all());
-        self.follows_path = false;
+        if let Some(standing) = self.state.standing_mut() {
+            *standing = Standing::default();
+        }
     }
 
     /// At rest with no stream open.
     pub(super) fn is_free(&self) -> bool {
-        matches!(self.phase, Phase::Idle | Phase::Finished) && self.is_at_rest()
+        matches!(self.state, State::Idle { .. } | State::Finished(_)) && self.is_at_rest()
     }
 
     fn set_joint(&mut self, joint: usize, position_units: i32) -> Result<(), CommandError> {
@@ -176,7 +178,7 @@ impl Motion {
             return Err(CommandError::Invalid);
         }
         self.declare_joint(joint, position);
-        self.phase = Phase::Idle;
+        self.state = State::idle(Standing::left(self.state.holds_motors()));
         Ok(())
     }
 
@@ -188,7 +190,6 @@ impl Motion {
         self.programmer.set_positions(&positions);
         self.jog.targets = positions;
         self.reference.learn(1 << joint);
-        self.follows_path = false;
     }
 
     fn jog(
@@ -217,7 +218,6 @@ impl Motion {
                 return Err(CommandError::Invalid);
             }
         }
-        self.jog.clear();
         self.begin_jog();
         self.jog.joint = joint;
         self.jog.mover.begin(here, distance, limits);
@@ -229,8 +229,8 @@ impl Motion {
         let targets = self.rest_targets(&pose)?;
         let here = self.programmer.newest_targets(&self.waiting);
         let known = self.reference.known;
+        self.begin_jog();
         let hand = &mut self.jog;
-        hand.clear();
         let rises = targets.get(Z) > here.get(Z);
         let mut add = |joint: usize| {
             if known >> joint & 1 == 1
@@ -249,9 +249,7 @@ impl Motion {
         if !rises {
             add(Z);
         }
-        self.begin_jog();
-        self.jog.mover = JointMove::at_rest(self.joint_position(0));
-        self.jog.joint = 0;
+        self.rest_mover(0);
         Ok(())
     }
 
@@ -278,20 +276,20 @@ impl Motion {
     }
 
     fn home(&mut self, order: JointOrder) -> Result<(), CommandError> {
-        let hand = &mut self.jog;
-        hand.clear();
+        let switches = &self.jog.switches;
+        let mut joints = Vec::new();
         if order == JointOrder::ALL {
-            let all = hand.switches.joints.iter().map(|switch| switch.joint);
-            hand.order.extend(all.take(JointOrder::JOINTS_MAX));
+            let all = switches.joints.iter().map(|switch| switch.joint);
+            joints.extend(all.take(JointOrder::JOINTS_MAX));
         } else {
-            hand.order.extend(order.joints());
+            joints.extend(order.joints());
         }
-        let known = |joint: &u8| hand.switches.of(*joint).is_some();
-        if hand.order.is_empty() || !hand.order.iter().all(known) {
-            hand.order.clear();
+        let known = |joint: &u8| switches.of(*joint).is_some();
+        if joints.is_empty() || !joints.iter().all(known) {
             return Err(CommandError::Invalid);
         }
         self.begin_jog();
+        self.jog.order = joints;
         self.home_next();
         Ok(())
     }
@@ -329,15 +327,9 @@ impl Motion {
         if let Melt::Cold(heater) | Melt::Warming(heater) = self.heat.melt() {
             return Err(CommandError::Cold(heater));
         }
-        self.jog.clear();
         self.begin_jog();
-        let motor = self.joints.count();
-        let here = self.joint_position(motor);
-        self.flow.declare(&mut self.flow_window, Target::default());
-        self.jog.extruder_offset = here;
         // Nobody moves: the mover rests where the first joint is.
-        self.jog.joint = 0;
-        self.jog.mover = JointMove::at_rest(self.joint_position(0));
+        self.rest_mover(0);
         self.flow.begin(&FlowEvent {
             span: 0,
             offset_ticks: 0,
@@ -357,13 +349,20 @@ impl Motion {
             .unwrap_or_default()
     }
 
+    /// The mover rests where this joint is.
+    // Once in the image.
+    #[inline(never)]
+    pub(super) fn rest_mover(&mut self, joint: usize) {
+        self.jog.joint = joint;
+        self.jog.mover = JointMove::at_rest(self.joint_position(joint));
+    }
+
+    /// A move by hand begins: nothing of the last one is left.
     #[inline(never)]
     pub(super) fn begin_jog(&mut self) {
-        self.phase = Phase::Jog;
+        self.jog.clear();
+        self.state = State::Jog { brakes: false };
         self.idle_ticks = 0;
-        self.follows_path = false;
-        self.aborting = false;
-        self.drivers_on = true;
         self.programmer.forget(&self.waiting);
         self.jog.targets = self.programmer.newest_targets(&self.waiting);
         let motor = self.joints.count();
@@ -373,9 +372,9 @@ impl Motion {
     }
 
     /// One servo tick: the motors' targets.
-    pub(super) fn tick_jog(&mut self) -> [i64; MOTORS_MAX] {
+    pub(super) fn tick_jog(&mut self, brakes: bool) -> [i64; MOTORS_MAX] {
         let motor = self.joints.count();
-        if self.aborting || self.fault.is_some() {
+        if brakes || self.fault.is_some() {
             self.jog.clear();
             self.jog.mover.brake();
             self.flow.cut();
@@ -394,8 +393,7 @@ impl Motion {
         }
         let idle = !goes_on && hand.mover.is_done() && !self.flow.is_active() && !hand.is_homing();
         if idle && self.programmer.is_at_rest() {
-            self.phase = Phase::Idle;
-            self.aborting = false;
+            self.state = State::idle(Standing::left(true));
         }
         self.jog.targets
     }
@@ -430,8 +428,7 @@ impl Motion {
                 self.declare_joint(joint, here.saturating_add(shift));
                 self.jog.homed += 1;
                 self.home_next();
-                let place = self.joint_position(self.jog.joint);
-                self.jog.mover = JointMove::at_rest(place);
+                self.rest_mover(self.jog.joint);
             }
             HomingOutcome::Failed => self.fail_softly(Fault {
                 cause: FaultCause::Homing,
@@ -449,10 +446,10 @@ impl Motion {
 
     /// Joints whose switch must stop what moves now.
     pub(super) fn guarded_switches(&self) -> u8 {
-        match self.phase {
-            Phase::Running => self.jog.all_guards(),
-            Phase::Jog => self.guarded_by_hand(),
-            Phase::Idle | Phase::Filling { .. } | Phase::Finished => 0,
+        match self.state {
+            State::Running(_) => self.jog.all_guards(),
+            State::Jog { .. } => self.guarded_by_hand(),
+            _ => 0,
         }
     }
 }

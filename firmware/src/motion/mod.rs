@@ -23,6 +23,7 @@ pub mod joint_move;
 mod probe;
 pub mod probe_pin;
 mod rate;
+mod state;
 mod status;
 pub mod time_warp;
 
@@ -52,21 +53,7 @@ pub use faults::EMERGENCY;
 use faults::step_rate_fault;
 use headway_protocol::message::{ColdHeater, Fault, FaultCause, ProbeResult};
 use jog::Jog;
-
-/// Where a stream stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
-    /// No stream.
-    Idle,
-    /// Resting until enough is queued; `starved` if in the middle of the path.
-    Filling { starved: bool },
-    /// Moving.
-    Running,
-    /// Ran to its end.
-    Finished,
-    /// No stream; a joint moves, or melt, by command.
-    Jog,
-}
+use state::{Standing, State, Stream};
 
 /// What is known of the motors' place in the world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -109,7 +96,7 @@ pub enum CommandError {
 #[repr(C)]
 pub struct Motion {
     programmer: StepProgrammer,
-    phase: Phase,
+    state: State,
     now_ticks: u64,
     /// Servo tick at which a host was last heard of the stream, wrapping.
     heard_ticks: u32,
@@ -123,16 +110,6 @@ pub struct Motion {
     override_q16: u32,
     inputs: Inputs,
     switch_guard: SwitchGuard,
-    /// The motors follow the interpolator's pose; otherwise they stay where they are.
-    follows_path: bool,
-    /// Why the stream rests: a pause, a heater.
-    rests: u8,
-    aborting: bool,
-    finish: bool,
-    held: bool,
-    /// The engine must be stopped before its interval ends.
-    stop_due: bool,
-    drivers_on: bool,
     /// Servo ticks at rest without a stream.
     idle_ticks: u32,
     reference: Reference,
@@ -187,9 +164,8 @@ impl Motion {
             flow: Flow::new(&configuration.extruder, servo_hz, delays.advance_ticks),
             hold: Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, servo_hz)),
             programmer: StepProgrammer::new(motors, configuration.interval_ticks()).with_mix(mix),
-            phase: Phase::Idle,
+            state: State::NEW,
             reference: Reference::default(),
-            follows_path: false,
             jog: Jog::new(configuration, switches),
             probe: ProbeResult::None,
             pin: ProbePin::default(),
@@ -199,16 +175,10 @@ impl Motion {
             drivers: DriverPanel::default(),
             inputs: Inputs::default(),
             switch_guard: SwitchGuard::default(),
-            drivers_on: false,
             idle_ticks: 0,
-            rests: 0,
-            aborting: false,
-            finish: false,
             override_percent: 100,
             override_q16: TICK_Q16,
             fault: None,
-            stop_due: false,
-            held: false,
             heard_ticks: 0,
             off_plan_ticks: 0,
             underruns: 0,
@@ -232,8 +202,8 @@ impl Motion {
             self.stop_at_once(fault);
             return false;
         }
-        let programmed = if self.phase == Phase::Jog {
-            let targets = self.tick_jog();
+        let programmed = if let State::Jog { brakes } = self.state {
+            let targets = self.tick_jog(brakes);
             let advanced = self.programmer.advance(&targets, bank);
             advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))
         } else {
@@ -285,20 +255,23 @@ impl Motion {
 
     /// Lets a resting stream go on once enough is queued and the melt is ready.
     fn gate(&mut self) {
-        let waits = matches!(self.phase, Phase::Filling { .. });
         // The next span is prepared meanwhile.
         let prepared = self.interpolator.is_prepared();
-        if waits && self.may_move() && self.has_enough() && prepared {
+        if let Some(&stream) = self.state.waiting()
+            && self.may_move(&stream)
+            && self.has_enough(&stream)
+            && prepared
+        {
             let (ready, prime) = self.hold.ready(self.flow.is_active());
             if let Some(prime) = prime {
                 self.flow.begin(&prime);
             }
             if ready {
                 self.still_ticks = 0;
-                self.phase = Phase::Running;
+                self.state = State::Running(stream);
             }
         }
-        if self.phase == Phase::Running && self.interpolator.begin_next(&mut self.queue) {
+        if self.state.runs() && self.interpolator.begin_next(&mut self.queue) {
             self.stream_start_ticks.get_or_insert(self.now_ticks - 1);
         }
     }
@@ -318,7 +291,7 @@ impl Motion {
     /// Programs the motors for the pose of now.
     fn program(&mut self, bank: &mut StepBank) -> Result<(), Fault> {
         let mut outside = 0;
-        let advanced = if self.follows_path {
+        let advanced = if self.state.follows_path() {
             let (joints, offset) = (&mut self.joints, self.interpolator.offset());
             let programmer = &mut self.programmer;
             let places = programmer.begin();
@@ -362,10 +335,10 @@ impl Motion {
         (self.now_ticks as u32).wrapping_sub(self.heard_ticks)
     }
 
-    fn has_enough(&self) -> bool {
+    fn has_enough(&self, stream: &Stream) -> bool {
         !self.queue.is_empty()
             && !self.queue.has_pass()
-            && (self.finish
+            && (stream.is_complete
                 || self.queue.queued_ticks() >= ticks_of_ms(START_QUEUED_MS, self.servo_hz)
                 || self.queue.room() < START_ROOM_KNOTS
                 || self.events.room() == 0
@@ -377,40 +350,50 @@ impl Motion {
         let at_end = self.interpolator.remaining_q16() == 0 && self.queue.is_empty();
         if at_end && self.interpolator.ends_at_rest() {
             self.warp.stop();
-            self.phase = Phase::Filling { starved: false };
-        } else if rate_q16 == 0 && (wanted_q16 == 0 || self.held) {
-            self.phase = Phase::Filling {
-                starved: !self.interpolator.is_at_rest_point(),
-            };
+            if let Some(stream) = self.state.stream() {
+                self.state = State::Filling(*stream);
+            }
+        } else if rate_q16 == 0 && (wanted_q16 == 0 || self.warp.is_held()) {
+            let is_at_rest_point = self.interpolator.is_at_rest_point();
+            if let Some(stream) = self.state.stream() {
+                self.state = if is_at_rest_point {
+                    State::Filling(*stream)
+                } else {
+                    State::Starved(*stream)
+                };
+            }
             self.holds = self.holds.saturating_add(1);
         }
     }
 
     /// One tick at rest.
+    #[inline(never)]
     fn rest(&mut self) {
         self.still_ticks = if self.flow.is_active() {
             0
         } else {
             self.still_ticks.saturating_add(1)
         };
-        if self.aborting || self.fault.is_some() {
+        if self.state.is_aborting() || self.fault.is_some() {
             if self.pulls_back() {
                 return;
             }
             self.forget_stream();
-            // Until the shapers' delays have run out too: a `Start` is repeated so long, and not refused.
-            self.aborting &= !self.is_at_rest();
+            // It settles until the shapers' delays have run out too: a `Start` is repeated so long, and not refused.
+            self.state.leave(self.is_at_rest());
             return;
         }
-        let Phase::Filling { starved } = self.phase else {
+        let Some(stream) = self.state.stream() else {
             self.count_idle();
             return;
         };
+        let is_complete = stream.is_complete;
+        let starved = matches!(self.state, State::Starved(_));
         self.idle_ticks = 0;
         if starved && let Some(retract) = self.hold.rested(self.flow.is_active()) {
             self.flow.begin(&retract);
         }
-        if self.finish && self.queue.is_empty() {
+        if is_complete && self.queue.is_empty() {
             self.end_stream(starved);
         }
     }
@@ -420,7 +403,7 @@ impl Motion {
         self.idle_ticks += 1;
         if self.idle_ticks >= MOTORS_IDLE_S.saturating_mul(self.servo_hz) {
             self.idle_ticks = 0;
-            if self.drivers_on {
+            if self.state.holds_motors() {
                 self.let_go();
             }
         }
@@ -436,29 +419,27 @@ impl Motion {
             });
         } else if !self.flow.is_active() && self.is_at_rest() {
             self.events.clear();
-            self.phase = Phase::Finished;
+            self.state = State::Finished(Standing::ON_PATH);
         }
     }
 
     /// Drops what is queued; the head stays where it rests.
+    // Once in the image.
+    #[inline(never)]
     fn forget_stream(&mut self) {
         self.queue.clear();
         self.interpolator.forget_next();
         self.events.clear();
         self.flow.cut();
         self.warp.stop();
-        self.finish = false;
-        self.rests = 0;
-        self.phase = Phase::Idle;
     }
 
     /// Latches a fault and demands that the engine stops. The first fault stays.
     fn stop_at_once(&mut self, fault: Fault) {
         self.fault.get_or_insert(fault);
-        self.stop_due = true;
         self.programmer.forget(&self.waiting);
         self.forget_stream();
         self.reference.lose(self.joints.all());
-        self.follows_path = false;
+        self.state.stop();
     }
 }

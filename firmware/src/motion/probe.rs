@@ -4,10 +4,10 @@
 //! which is the host's.
 
 use super::jog::units_per_natural;
-use super::{CommandError, Motion, Phase};
+use super::state::State;
+use super::{CommandError, Motion};
 use crate::configuration::homing::JointHoming;
 use crate::motion::homing::{Homing, HomingOutcome};
-use crate::motion::joint_move::JointMove;
 use crate::motion::probe_pin::{ProbePin, pulse_us};
 use headway_protocol::message::{Control, PROBE_BIT, PinPosition, ProbeResult};
 
@@ -31,7 +31,7 @@ impl Motion {
             .jog
             .homing
             .as_ref()
-            .filter(|_| self.phase == Phase::Jog);
+            .filter(|_| matches!(self.state, State::Jog { .. }));
         let is_out = homing.is_some_and(|homing| homing.pin_is_out());
         pulse_us(if is_out {
             PinPosition::Deploy
@@ -59,10 +59,8 @@ impl Motion {
             return Ok(());
         }
         self.probe = ProbeResult::None;
-        self.jog.clear();
         self.begin_jog();
-        self.jog.joint = joint;
-        self.jog.mover = JointMove::at_rest(self.joint_position(joint));
+        self.rest_mover(joint);
         let pin_ticks = self.pin.ticks(self.servo_hz);
         self.jog.homing = Some(homing.with_pin(pin_ticks).with_mark(false));
         self.jog.probing = true;

@@ -3,7 +3,8 @@
 //! In: what override, pause and flow ask for (2^-16), the spans' loads and ceilings. Out: segment time moved
 //! on, and the phase where the head came to rest. How a limit bends the rate is `motion/time_warp.rs`.
 
-use super::{Motion, Phase};
+use super::Motion;
+use super::state::State;
 use crate::design::CEILING_OPEN;
 use crate::flow::UNSCALED_Q16;
 use crate::motion::time_warp::WarpBounds;
@@ -19,7 +20,7 @@ impl Motion {
         }
         self.hold.moving();
         let rate_q16 = if self.is_unlimited(wanted_q16) {
-            self.held = false;
+            self.warp.let_go();
             wanted_q16
         } else {
             self.ask_warp(wanted_q16)
@@ -77,21 +78,17 @@ impl Motion {
         };
         let stop_ahead = queue.is_short().then_some(stop_ahead);
         let (rate_q16, limited) = self.warp.step(&bounds, stop_ahead);
-        // Once held, it is so until the head gets no slower any more.
-        let held = limited || (self.held && rate_q16 < before_q16);
-        if held && !self.held {
+        if self.warp.hold(limited, before_q16) {
             self.underruns = self.underruns.saturating_add(1);
         }
-        self.held = held;
         rate_q16
     }
 
     /// Rate that override and pause ask for, before any limit.
     fn wanted_rate_q16(&self) -> u32 {
-        if self.phase == Phase::Running && self.may_move() {
-            self.rate_asked_q16()
-        } else {
-            0
+        match &self.state {
+            State::Running(stream) if self.may_move(stream) => self.rate_asked_q16(),
+            _ => 0,
         }
     }
 

@@ -1,9 +1,10 @@
 //! What the motion tells of itself.
 
-use super::heated::PAUSED;
-use super::{Motion, Phase};
+use super::Motion;
+use super::state::{Demand, State, Stream};
 use crate::configuration::MOTORS_MAX;
 use crate::motion::driver_panel::DriverPanel;
+use crate::motion::inputs::Inputs;
 use crate::steps::count;
 use headway_protocol::message::{DeviceState, Fault};
 
@@ -13,32 +14,26 @@ impl Motion {
         if self.fault.is_some() {
             return DeviceState::Faulted;
         }
-        if self.aborting {
-            return DeviceState::Aborting;
-        }
-        let streams = matches!(self.phase, Phase::Filling { .. } | Phase::Running);
-        if self.rests & PAUSED != 0 && streams {
-            return DeviceState::Paused;
-        }
-        if self.rests != 0 && streams {
-            return DeviceState::Heating;
-        }
-        match self.phase {
-            Phase::Idle => DeviceState::Idle,
-            Phase::Filling { starved: false } => DeviceState::Filling,
-            Phase::Filling { starved: true } => DeviceState::Starved,
-            Phase::Running if self.held => DeviceState::Starved,
-            Phase::Running => DeviceState::Running,
-            Phase::Finished => DeviceState::Finished,
-            Phase::Jog if self.jog.is_probing() => DeviceState::Probing,
-            Phase::Jog if self.jog.is_homing() => DeviceState::Homing,
-            Phase::Jog => DeviceState::Jogging,
+        match &self.state {
+            State::Filling(stream) => state_of(stream, DeviceState::Filling),
+            State::Starved(stream) => state_of(stream, DeviceState::Starved),
+            State::Running(stream) if self.warp.is_held() => state_of(stream, DeviceState::Starved),
+            State::Running(stream) => state_of(stream, DeviceState::Running),
+            State::Finished(_) => DeviceState::Finished,
+            State::Jog { brakes: true } => DeviceState::Aborting,
+            State::Jog { .. } if self.jog.is_probing() => DeviceState::Probing,
+            State::Jog { .. } if self.jog.is_homing() => DeviceState::Homing,
+            State::Jog { .. } => DeviceState::Jogging,
+            State::Idle { settles: true, .. } | State::Stopping { settles: true, .. } => {
+                DeviceState::Aborting
+            }
+            State::Idle { .. } | State::Stopping { .. } => DeviceState::Idle,
         }
     }
 
     /// True from an abort until the machine rests.
     pub fn is_aborting(&self) -> bool {
-        self.aborting
+        self.state.is_aborting()
     }
 
     /// What is known of the drivers.
@@ -121,9 +116,14 @@ impl Motion {
         self.inputs.switches
     }
 
+    /// Levels of the inputs.
+    pub fn inputs(&self) -> &Inputs {
+        &self.inputs
+    }
+
     /// True once something was asked to move, until the motors are let go: the drivers are to hold.
     pub fn drivers_on(&self) -> bool {
-        self.drivers_on
+        self.state.holds_motors()
     }
 
     /// How often the queue's end made the head slow down.
@@ -160,5 +160,15 @@ impl Motion {
     pub fn is_at_rest(&self) -> bool {
         let is_drained = self.still_ticks >= self.programmer.settle_ticks();
         is_drained && self.programmer.is_at_rest()
+    }
+}
+
+/// What a stream does that is not to leave.
+fn state_of(stream: &Stream, moving: DeviceState) -> DeviceState {
+    match stream.demand {
+        Demand::Leave => DeviceState::Aborting,
+        Demand::Go { pauses: true, .. } => DeviceState::Paused,
+        Demand::Go { heats: true, .. } => DeviceState::Heating,
+        Demand::Go { .. } => moving,
     }
 }

@@ -29,6 +29,8 @@ pub struct TimeWarp {
     rate_q16: u32,
     /// Change of the rate in the last tick.
     slope: f32,
+    /// The queue's end holds the rate down, or did when the head came to rest.
+    is_held: bool,
 }
 
 /// What bounds the rate in this servo tick.
@@ -56,7 +58,27 @@ impl TimeWarp {
 
     /// Stops segment time at once.
     pub fn stop(&mut self) {
-        *self = Self::default();
+        self.rate_q16 = 0;
+        self.slope = 0.0;
+    }
+
+    /// True while the queue's end holds the rate down, until the head is let go again.
+    pub fn is_held(&self) -> bool {
+        self.is_held
+    }
+
+    /// Nothing holds the rate down.
+    #[inline(always)]
+    pub fn let_go(&mut self) {
+        self.is_held = false;
+    }
+
+    /// After a step that the queue's end `limited`, or not: true if it holds the rate down from now on. Once held, it is
+    /// so until the head gets no slower any more.
+    pub fn hold(&mut self, limited: bool, before_q16: u32) -> bool {
+        let was_held = self.is_held;
+        self.is_held = limited || (was_held && self.rate_q16 < before_q16);
+        self.is_held && !was_held
     }
 
     /// Starts from rest, where the rate may jump and nothing limits it.
@@ -311,6 +333,7 @@ mod tests {
             let mut warp = TimeWarp {
                 rate_q16: (1.768_066_4 * TICK_Q16 as f32) as u32,
                 slope: 0.0,
+                is_held: false,
             };
             assert_eq!(step(&mut warp, &crossing).1, held, "{stop}");
             let (rate, most) = (rate(&warp), stop.min(limits).sqrt());

@@ -12,6 +12,8 @@ pub struct StepPlayer {
     /// The idle bank has been handed over.
     handed: bool,
     overruns: u32,
+    /// Where it was stopped, until that is taken.
+    stopped: Option<Stopped>,
 }
 
 impl StepPlayer {
@@ -23,6 +25,7 @@ impl StepPlayer {
             idle: StepBank::default(),
             handed: false,
             overruns: 0,
+            stopped: None,
         }
     }
 
@@ -52,9 +55,14 @@ impl StepPlayer {
     }
 
     /// Stops at once, in the middle of an interval.
-    pub fn stop(&mut self) -> Stopped {
+    pub fn stop(&mut self) {
         self.handed = false;
-        self.engine.stop(&mut self.playing)
+        self.stopped = Some(self.engine.stop(&mut self.playing));
+    }
+
+    /// Where the motors were then, once.
+    pub fn take_stopped(&mut self) -> Option<Stopped> {
+        self.stopped.take()
     }
 
     /// One step tick.

@@ -1,8 +1,8 @@
 //! Host, link and the real firmware library on one virtual clock.
 //!
 //! [`WireFrames`] -> sender -> simulated line -> [`Machine`] -> recorded steps. The clock advances
-//! by one servo period at a time: bytes that have arrived go to the controller, it plays its
-//! interval, its reports go back, the sender answers. Nothing waits for the wall clock, and every
+//! by one servo period at a time, in which the controller makes one round, as a board does ([`Machine::round`]):
+//! bytes that have arrived, its interval, its reports; then the sender answers. Nothing waits for the wall clock, and every
 //! random choice comes from the seed, so a run can be repeated to the step.
 
 use crate::drive::link::{Line, LinkSpec};
@@ -16,9 +16,13 @@ use crate::job::frames::WireFrames;
 use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::design::ADVANCE_WINDOW_TICKS_MAX;
 use headway_firmware::machine::Machine;
+use headway_firmware::machine::round::Surroundings;
 use headway_protocol::frame::FRAME_BYTES_MAX;
+use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
 use headway_protocol::message::{Control, DeviceState, Fault};
 use serde::{Deserialize, Serialize};
+use std::iter::Copied;
+use std::slice::Iter;
 use thiserror::Error;
 
 /// How much the sender keeps on the line ahead: control messages wait no longer than this.
@@ -93,6 +97,37 @@ pub struct Simulation {
     pub figures: SimulationFigures,
     /// The fault that ended it, if one did.
     pub fault: Option<Fault>,
+}
+
+/// The controller's ends of the two lines, for one round of its main loop: a servo period.
+struct Around<'a> {
+    came: Copied<Iter<'a, u8>>,
+    none: Copied<Iter<'a, u8>>,
+    up: &'a mut Line,
+    now_us: u64,
+}
+
+impl<'a> Surroundings for Around<'a> {
+    const AT_ONCE: bool = true;
+    const WEIGHED_KNOTS: usize = KNOTS_PER_BLOCK_MAX;
+    type Bytes = Copied<Iter<'a, u8>>;
+
+    fn heard(&mut self, line: usize) -> &mut Self::Bytes {
+        if line == 0 {
+            &mut self.came
+        } else {
+            &mut self.none
+        }
+    }
+
+    fn has_room(&mut self, _line: usize) -> bool {
+        self.up.backlog_us(self.now_us) < LINE_AHEAD_US
+    }
+
+    fn send(&mut self, _line: usize, bytes: &[u8]) -> usize {
+        self.up.send(self.now_us, bytes);
+        bytes.len()
+    }
 }
 
 /// Host, link and controller.
@@ -238,10 +273,13 @@ impl Simulator {
         }
         self.bytes.clear();
         self.down.receive(now_us, &mut self.bytes);
-        if !self.bytes.is_empty() {
-            self.machine.handle_bytes(&self.bytes);
-        }
-        self.machine.run_servo_interval(&mut self.record.steps);
+        let mut around = Around {
+            came: self.bytes.iter().copied(),
+            none: [].iter().copied(),
+            up: &mut self.up,
+            now_us,
+        };
+        self.machine.round(&mut self.record.steps, &mut around);
         self.note_progress();
         self.servo_tick += 1;
         self.exchange(now_us);
@@ -262,15 +300,8 @@ impl Simulator {
         }
     }
 
-    /// Reports up, answers down.
+    /// Reports to the host, its answers down.
     fn exchange(&mut self, now_us: u64) {
-        while self.up.backlog_us(now_us) < LINE_AHEAD_US {
-            let length = self.machine.poll_report(&mut self.out);
-            if length == 0 {
-                break;
-            }
-            self.up.send(now_us, &self.out[..length]);
-        }
         self.bytes.clear();
         self.up.receive(now_us, &mut self.bytes);
         if now_us < self.host_dead_until_us {

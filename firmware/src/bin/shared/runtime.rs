@@ -29,8 +29,6 @@
 ))]
 #[path = "log_lock.rs"]
 mod log_lock;
-#[path = "outgoing.rs"]
-mod outgoing;
 
 use super::{Output, pend_stop};
 use core::cell::UnsafeCell;
@@ -43,17 +41,15 @@ use cortex_m::peripheral::{SCB, SYST};
 use cortex_m::register::basepri;
 use cortex_m::register::control::{self, Npriv};
 use cortex_m_rt::exception;
-use headway_firmware::board::watchdog::ServoHealth;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::homing::HomingConfiguration;
-use headway_firmware::design::WEIGHED_KNOTS;
-use headway_firmware::line::{Receiver, Request};
+use headway_firmware::line::Receiver;
 use headway_firmware::machine::Machine;
+use headway_firmware::machine::round::Controller;
+use headway_firmware::machine::servo::{Handover, Servo, ServoDone, StepSide, stop_if_due};
+use headway_firmware::motion::Motion;
 use headway_firmware::motion::inputs::Inputs;
-use headway_firmware::motion::{EMERGENCY, Motion};
 use headway_firmware::steps::{Moment, StepBank, StepEngine, StepPlayer, Stopped};
-use headway_protocol::message::{Fault, FaultCause};
-pub use outgoing::Outgoing;
 
 /// Of the upper four priority bits, which both chips have; steps 0, servo here.
 pub const SERVO_PRIORITY: u8 = 0x80;
@@ -65,15 +61,6 @@ struct Stepping {
     /// What plays next, known shortly before the interval ends.
     next: Option<NonNull<StepBank>>,
     output: Output,
-}
-
-/// What the servo interrupt owns.
-// The motion is large: what comes after it is far.
-#[repr(C)]
-struct Servo {
-    overruns_seen: u32,
-    health: ServoHealth,
-    motion: Motion,
 }
 
 /// A value that contexts of different priority share; each access says why it is alone. Without
@@ -240,95 +227,72 @@ pub fn stop_interrupt(emergency: bool) {
     }
 }
 
-/// What a servo tick tells its board.
-#[derive(Clone, Copy)]
-pub struct ServoDone {
-    /// The watchdog may be fed.
-    pub healthy: bool,
-    /// The drivers are to hold their motors.
-    pub drivers_on: bool,
-}
-
 /// The servo tick, for the PendSV interrupt.
 #[inline(always)]
 pub fn servo_interrupt(inputs: Inputs) -> ServoDone {
     // SAFETY: it is set before this interrupt is on, and the main loop raises BASEPRI while it uses
     // the motion.
     let servo = unsafe { SERVO.get() };
-    servo_tick(servo, inputs);
-    let passes = LINK_PASSES.load(Ordering::Relaxed);
-    ServoDone {
-        healthy: servo.health.tick(servo.overruns_seen, passes),
-        drivers_on: servo.motion.drivers_on(),
-    }
+    servo.tick(inputs, &mut Steps, LINK_PASSES.load(Ordering::Relaxed))
 }
 
 /// Servo tick at which the present stream began; for the servo interrupt.
 pub fn stream_start_ticks() -> Option<u64> {
     // SAFETY: as there.
-    unsafe { SERVO.with(|servo| servo.motion.stream_start_ticks()) }.flatten()
+    unsafe { SERVO.with(|servo| servo.motion().stream_start_ticks()) }.flatten()
 }
 
-fn servo_tick(servo: &mut Servo, inputs: Inputs) {
-    let handover = HANDOVER.load(Ordering::Acquire);
-    let overruns = OVERRUNS.load(Ordering::Relaxed);
-    if handover != EMPTY || overruns != servo.overruns_seen {
-        note_stops(servo, overruns);
-        if handover == HANDED {
-            // The last program came late and is not played yet; that it is a fault has been noted.
-            return;
+/// The step interrupt, as the servo sees it.
+struct Steps;
+
+impl StepSide for Steps {
+    #[inline(always)]
+    fn handover(&self) -> Handover {
+        match HANDOVER.load(Ordering::Acquire) {
+            EMPTY => Handover::Empty,
+            HANDED => Handover::Handed,
+            _ => Handover::Stopped,
         }
     }
-    let motion = &mut servo.motion;
-    motion.set_inputs(inputs);
-    // SAFETY: nothing is handed over, so the bank is the servo's, and the playing one stays.
-    let bank = unsafe { idle_bank(PLAYING.load(Ordering::Relaxed)).as_mut() };
-    if motion.tick(bank) {
+
+    #[inline(always)]
+    fn overruns(&self) -> u32 {
+        OVERRUNS.load(Ordering::Relaxed)
+    }
+
+    fn take_emergency(&mut self) -> bool {
+        EMERGENCY_SEEN.swap(false, Ordering::Relaxed)
+    }
+
+    #[inline(always)]
+    fn idle_bank(&mut self) -> &mut StepBank {
+        // SAFETY: nothing is handed over, so the bank is the servo's, and the playing one stays.
+        unsafe { idle_bank(PLAYING.load(Ordering::Relaxed)).as_mut() }
+    }
+
+    #[inline(always)]
+    fn hand_over(&mut self) {
         // It fails where the steps were stopped meanwhile: that is found in the next servo tick.
         let (success, failure) = (Ordering::Release, Ordering::Relaxed);
         let _ = HANDOVER.compare_exchange(EMPTY, HANDED, success, failure);
-    } else {
-        stop_if_due(motion);
     }
-}
 
-/// Finds out what the step interrupt has met since the last servo tick.
-#[cold]
-fn note_stops(servo: &mut Servo, overruns: u32) {
-    let motion = &mut servo.motion;
-    if EMERGENCY_SEEN.swap(false, Ordering::Relaxed) {
-        motion.fail_at_once(EMERGENCY);
-    } else if overruns != servo.overruns_seen && !motion.is_at_rest() {
-        motion.fail_at_once(Fault {
-            cause: FaultCause::StepOverrun,
-            index: 0,
-            value: overruns as i32,
-        });
-    }
-    servo.overruns_seen = overruns;
-    stop_if_due(motion);
-}
-
-/// Stops the steps if a fault demands it. From the servo, or where it cannot interrupt.
-fn stop_if_due(motion: &mut Motion) {
-    if motion.take_stop() {
+    fn stop(&mut self) {
         STOP_ASKED.store(true, Ordering::Relaxed);
         pend_stop();
         // The interrupt is to be over before the next line.
         cortex_m::asm::dsb();
         cortex_m::asm::isb();
     }
-    find_motors(motion);
-}
 
-/// After a stop the motion goes on from where the motors are.
-fn find_motors(motion: &mut Motion) {
-    if HANDOVER.load(Ordering::Acquire) == STOPPED {
-        // SAFETY: the servo's while it is so.
-        unsafe {
-            STOPPED_AT.with(|stopped| motion.engine_stopped(stopped));
+    fn tell_stopped(&mut self, tell: impl FnOnce(&Stopped)) {
+        if HANDOVER.load(Ordering::Acquire) == STOPPED {
+            // SAFETY: the servo's while it is so.
+            unsafe {
+                STOPPED_AT.with(|stopped| tell(stopped));
+            }
+            HANDOVER.store(EMPTY, Ordering::Release);
         }
-        HANDOVER.store(EMPTY, Ordering::Release);
     }
 }
 
@@ -345,7 +309,7 @@ pub fn with_motion<R>(work: impl FnOnce(&mut Motion) -> R) -> Option<R> {
         basepri::write(SERVO_PRIORITY);
         #[cfg(feature = "measure-locks")]
         let begun = super::lock_begins();
-        let result = SERVO.with(|servo| work(&mut servo.motion));
+        let result = SERVO.with(|servo| work(servo.motion_mut()));
         #[cfg(feature = "measure-locks")]
         super::lock_ends(begun);
         basepri::write(0);
@@ -396,13 +360,8 @@ pub fn set_up(board: &Board, output: Output) -> Option<Receiver> {
 fn place_servo(configuration: &MachineConfiguration, switches: &HomingConfiguration) {
     let mut motion = Motion::new(configuration, switches);
     motion.work_in_pieces();
-    let servo = Servo {
-        motion,
-        health: ServoHealth::new(),
-        overruns_seen: 0,
-    };
     // SAFETY: the servo's interrupt is not on yet.
-    unsafe { SERVO.set(servo) };
+    unsafe { SERVO.set(Servo::new(motion)) };
 }
 
 /// Puts the machine to work: from here on steps and servo run. `None` where it cannot be run.
@@ -464,46 +423,31 @@ fn SVCall() {
     unsafe { control::write(control) };
 }
 
-/// Bytes from a line, in the main loop, up to the end of a message: one piece of its work.
-// Once in the image, however many lines there are.
-#[inline(never)]
-pub fn take_bytes(receiver: &mut Receiver, line: usize, bytes: &mut impl Iterator<Item = u8>) {
-    while !receiver.is_busy()
-        && let Some(byte) = bytes.next()
-    {
-        if let Some(request) = receiver.receive(line, byte) {
-            apply(receiver, request);
-            return;
-        }
+/// The main loop's way to what the servo owns.
+pub struct Locked;
+
+impl Controller for Locked {
+    #[inline(always)]
+    fn with_motion<R>(&mut self, work: impl FnOnce(&mut Motion) -> R) -> Option<R> {
+        with_motion(work)
+    }
+
+    #[inline(always)]
+    fn command(&mut self, work: impl FnOnce(&mut Motion)) {
+        with_motion(|motion| {
+            work(motion);
+            stop_if_due(motion, &mut Steps);
+        });
+    }
+
+    #[inline(always)]
+    fn note_round(&mut self) {
+        note_pass();
     }
 }
 
-/// A piece of the work that the last message brought. True if there was any.
-#[inline(never)]
-pub fn work(receiver: &mut Receiver) -> bool {
-    if !receiver.is_busy() {
-        return false;
-    }
-    receiver.work(WEIGHED_KNOTS);
-    with_motion(|motion| receiver.deliver(motion));
-    true
-}
-
-#[inline(never)]
-fn apply(receiver: &mut Receiver, request: Request) {
-    with_motion(|motion| {
-        receiver.apply(request, motion);
-        stop_if_due(motion);
-    });
-}
-
-/// The main loop lives.
+/// The main loop lives: for work of it that takes long, too.
+#[inline(always)]
 pub fn note_pass() {
     count(&LINK_PASSES);
-}
-
-/// Work for the spans to come, one at most: to be called in each round of the main loop. True if there
-/// was any.
-pub fn look_ahead() -> bool {
-    with_motion(Motion::look_ahead) == Some(true)
 }

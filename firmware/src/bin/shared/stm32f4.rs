@@ -26,7 +26,7 @@ use crate::board::{
     SERIAL_CLOCK_MASK, SERIAL_INTERRUPT, SERIAL_PORT, ServoPin, UsbLine, heaters, heaters_off,
     input, set_up_board,
 };
-use crate::runtime::{self, Board, Outgoing, Shared, with_motion};
+use crate::runtime::{self, Board, Locked, Shared, with_motion};
 use core::convert::Infallible;
 use cortex_m::peripheral::{NVIC, Peripherals};
 use cortex_m_rt::exception;
@@ -35,10 +35,12 @@ use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use flash::KeptSettings;
 use headway_firmware::board::built_in::built_for;
-use headway_firmware::board::{BoardPins, ByteRing, Incoming, chip_fault, exchange};
+use headway_firmware::board::{BoardPins, ByteRing, Incoming, chip_fault, fetch, send};
 use headway_firmware::configuration::board_name::{Known, UNNAMED};
 use headway_firmware::configuration::drivers::DriversConfiguration;
-use headway_firmware::line::{Receiver, SECOND_LINE};
+use headway_firmware::design::WEIGHED_KNOTS;
+use headway_firmware::line::{Outgoing, Receiver, SECOND_LINE};
+use headway_firmware::machine::round::{Controller, Surroundings, round};
 use headway_firmware::motion::inputs::{EMERGENCY_LOOK_NS, Inputs, is_held};
 use headway_firmware::motion::probe_pin::PulsePort;
 use headway_firmware::settings::BoardSettings;
@@ -269,44 +271,71 @@ impl WriteReady for SerialLine {
     }
 }
 
+/// What the main loop works with.
+struct Around {
+    heat: HeatLoop,
+    drivers: DriverLoop,
+    kept: KeptSettings,
+    serial: SerialLine,
+    usb: UsbLine,
+    servo: ServoPin,
+    from_serial: Incoming,
+    from_usb: Incoming,
+}
+
+impl Surroundings for Around {
+    const AT_ONCE: bool = false;
+    const WEIGHED_KNOTS: usize = WEIGHED_KNOTS;
+    type Bytes = Incoming;
+
+    #[inline(always)]
+    fn heard(&mut self, line: usize) -> &mut Incoming {
+        if line == SECOND_LINE {
+            fetch(&mut self.usb, &mut self.from_usb);
+            &mut self.from_usb
+        } else {
+            fetch(&mut self.serial, &mut self.from_serial);
+            &mut self.from_serial
+        }
+    }
+
+    #[inline(always)]
+    fn send(&mut self, line: usize, bytes: &[u8]) -> usize {
+        if line == SECOND_LINE {
+            send(&mut self.usb, bytes)
+        } else {
+            send(&mut self.serial, bytes)
+        }
+    }
+
+    #[inline(always)]
+    fn store(&mut self, receiver: &mut Receiver) {
+        self.kept.store(receiver);
+    }
+
+    #[inline(always)]
+    fn heat(&mut self, _controller: &mut impl Controller) {
+        self.heat.turn();
+    }
+
+    #[inline(always)]
+    fn drivers(&mut self, _controller: &mut impl Controller) {
+        self.drivers.turn();
+    }
+
+    #[inline(always)]
+    fn pulse(&mut self, pulse_us: u16) {
+        self.servo.put(pulse_us);
+    }
+}
+
 /// The main loop. Reports go to the line on which a valid frame came last.
 // A function of its own: tests stop where the set-up is over.
 #[inline(never)]
-fn serve(
-    mut receiver: Receiver,
-    mut heat: HeatLoop,
-    mut drivers: DriverLoop,
-    mut kept: KeptSettings,
-    mut serial: SerialLine,
-    mut usb: UsbLine,
-    mut servo: ServoPin,
-) -> ! {
+fn serve(mut receiver: Receiver, mut around: Around) -> ! {
     let mut outgoing = Outgoing::new();
-    let (mut from_serial, mut from_usb) = (Incoming::new(), Incoming::new());
     loop {
-        let by_usb = receiver.line() == SECOND_LINE;
-        let pending = outgoing.pending(&mut receiver);
-        let (for_serial, for_usb): (&[u8], &[u8]) = if by_usb {
-            (&[], pending)
-        } else {
-            (pending, &[])
-        };
-        let mut sent = exchange(&mut serial, &mut from_serial, for_serial, |bytes| {
-            runtime::take_bytes(&mut receiver, 0, bytes);
-            kept.store(&mut receiver);
-        });
-        runtime::work(&mut receiver);
-        runtime::look_ahead();
-        heat.turn();
-        drivers.turn();
-        if let Some(pulse_us) = with_motion(|motion| motion.probe_pulse_us()) {
-            servo.put(pulse_us);
-        }
-        sent += exchange(&mut usb, &mut from_usb, for_usb, |bytes| {
-            runtime::take_bytes(&mut receiver, SECOND_LINE, bytes);
-            kept.store(&mut receiver);
-        });
-        outgoing.sent(sent);
+        round(&mut receiver, &mut outgoing, &mut Locked, &mut around);
     }
 }
 
@@ -397,15 +426,17 @@ fn run() -> Option<()> {
     let drivers = DriverLoop::new(&drivers, configuration.servo_hz, parts.drivers);
     // SAFETY: all that interrupts use is set.
     unsafe { cortex_m::interrupt::enable() }
-    serve(
-        receiver,
+    let around = Around {
         heat,
         drivers,
         kept,
         serial,
-        parts.usb,
-        parts.servo,
-    )
+        usb: parts.usb,
+        servo: parts.servo,
+        from_serial: Incoming::new(),
+        from_usb: Incoming::new(),
+    };
+    serve(receiver, around)
 }
 
 /// From the boards' entries. It only ends where the machine built in cannot be run, or the chip has no

@@ -54,18 +54,21 @@ fn a_fault_stays_until_it_is_cleared_and_a_lost_position_must_be_declared() {
     host.control(HostMessage::Control(Control::EmergencyStop));
     steps_of(&mut host, 10);
     assert_eq!(
-        host.machine.motion.start(&job.start),
+        host.machine.servo.motion_mut().start(&job.start),
         Err(CommandError::Faulted)
     );
     host.control(HostMessage::Control(Control::ClearFault));
     steps_of(&mut host, 10);
     assert_eq!(host.machine.motion().state(), DeviceState::Idle);
     assert_eq!(
-        host.machine.motion.start(&job.start),
+        host.machine.servo.motion_mut().start(&job.start),
         Err(CommandError::Invalid)
     );
-    assert_eq!(host.machine.motion.set_position(&job.start), Ok(()));
-    assert_eq!(host.machine.motion.start(&job.start), Ok(()));
+    assert_eq!(
+        host.machine.servo.motion_mut().set_position(&job.start),
+        Ok(())
+    );
+    assert_eq!(host.machine.servo.motion_mut().start(&job.start), Ok(()));
 }
 
 #[test]
@@ -106,13 +109,13 @@ fn a_start_elsewhere_than_the_machine_is_refused() {
     let mut host = Host::new(&configuration, &job);
     host.run(&job);
     let mut elsewhere = job.knots.last().unwrap().control;
-    assert_eq!(host.machine.motion.start(&elsewhere), Ok(()));
-    host.machine.motion.finish();
+    assert_eq!(host.machine.servo.motion_mut().start(&elsewhere), Ok(()));
+    host.machine.servo.motion_mut().finish();
     steps_of(&mut host, 300);
     assert_eq!(host.machine.motion().state(), DeviceState::Finished);
     elsewhere[0] += 1000;
     assert_eq!(
-        host.machine.motion.start(&elsewhere),
+        host.machine.servo.motion_mut().start(&elsewhere),
         Err(CommandError::Invalid)
     );
 }
@@ -310,7 +313,7 @@ fn a_latched_fault_is_reported_at_every_greeting() {
         index: 0,
         value: 0,
     };
-    host.machine.motion.fail_softly(watchdog);
+    host.machine.servo.motion_mut().fail_softly(watchdog);
     host.poll();
     assert_eq!(host.faults, [watchdog]);
     // A host that comes later has not heard it.

@@ -25,7 +25,7 @@ impl Hot {
         let (configuration, job) = (planar(), flower());
         let mut host = Host::new(&configuration, &job);
         let heat = HeatConfiguration::standard();
-        let service = HeatService::new(&configuration, &heat, &mut host.machine.motion);
+        let service = HeatService::new(&configuration, &heat, host.machine.servo.motion_mut());
         Self {
             host,
             service,
@@ -48,7 +48,7 @@ impl Hot {
     fn run(&mut self, ticks: u32) {
         for _ in 0..ticks {
             self.host.tick();
-            let motion = &mut self.host.machine.motion;
+            let motion = self.host.machine.servo.motion_mut();
             if motion.now_ticks().is_multiple_of(4) {
                 for heater in 0..2 {
                     let sensor = self.service.heat().configuration(heater).unwrap().sensor;
@@ -146,7 +146,7 @@ fn melt_is_pulled_back_once_and_by_what_was_primed() {
             hot.host.send(&job, 8, 16);
             hot.run(200);
         }
-        hot.host.machine.motion.fail_softly(Fault {
+        hot.host.machine.servo.motion_mut().fail_softly(Fault {
             cause,
             index: 0,
             value: 0,
@@ -176,7 +176,7 @@ fn a_heaters_fault_after_an_abort_leaves_the_machine_free() {
     hot.run(2000);
     assert_eq!(hot.host.machine.motion().state(), DeviceState::Idle);
     hot.host.control(HostMessage::Control(Control::MotorsOff));
-    hot.host.machine.motion.fail_softly(Fault {
+    hot.host.machine.servo.motion_mut().fail_softly(Fault {
         cause: FaultCause::HostSilent,
         index: 0,
         value: 30,

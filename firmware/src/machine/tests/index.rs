@@ -31,8 +31,8 @@ fn past_the_switch(endless: bool) -> Vec<Fault> {
     let (configuration, switches) = machine(endless);
     let job = flower();
     let mut host = Host::new(&configuration, &job);
-    host.machine.motion = Motion::new(&configuration, &switches);
-    assert_eq!(host.machine.motion.start(&job.start), Ok(()));
+    *host.machine.servo.motion_mut() = Motion::new(&configuration, &switches);
+    assert_eq!(host.machine.servo.motion_mut().start(&job.start), Ok(()));
     host.counter.counts = host.machine.motion().counts();
     for tick in 0..3300 {
         host.send(&job, 8, 16);
@@ -143,7 +143,7 @@ fn the_zero_is_lost_with_the_motors_and_a_stream_does_not_begin_on_it() {
     // The nozzle is turned by hand; nobody knows.
     world.offsets[usize::from(C)] += 1234;
     let start = flower().start;
-    assert!(world.host.machine.motion.start(&start).is_err());
+    assert!(world.host.machine.servo.motion_mut().start(&start).is_err());
     world.command(Control::Home(JointOrder::of(&[C]).unwrap()));
     world.settle();
     assert_eq!(world.host.machine.motion().referenced(), 1 << C);

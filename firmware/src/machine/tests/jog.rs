@@ -177,7 +177,7 @@ fn motors_that_are_let_go_must_be_found_again() {
     assert!(world.host.machine.motion().drivers_on());
     world.command(Control::MotorsOff);
     world.tick();
-    let motion = &mut world.host.machine.motion;
+    let motion = world.host.machine.servo.motion_mut();
     assert!(!motion.drivers_on());
     assert_eq!(motion.referenced(), 0);
     assert_eq!(motion.start(&[0; 7]), Err(CommandError::Invalid));
@@ -191,9 +191,7 @@ fn motors_that_are_let_go_must_be_found_again() {
 #[test]
 fn motors_are_let_go_after_ten_minutes_at_rest_without_a_stream() {
     let (configuration, switches) = machine();
-    let mut motion = Machine::with_switches(&configuration, &switches, 77)
-        .unwrap()
-        .motion;
+    let mut motion = Motion::new(&configuration, &switches);
     let mut bank = StepBank::default();
     let mut run = |motion: &mut Motion, seconds: u32| {
         for _ in 0..seconds * configuration.servo_hz {
@@ -230,7 +228,12 @@ fn firmware_for_another_board_moves_nothing_and_cannot_be_talked_out_of_it() {
         index: 0,
         value: 0x419,
     };
-    world.host.machine.motion.fail_softly(other_chip);
+    world
+        .host
+        .machine
+        .servo
+        .motion_mut()
+        .fail_softly(other_chip);
     world.tick();
     world.command(Control::ClearFault);
     world.settle();

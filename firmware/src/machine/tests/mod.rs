@@ -10,8 +10,8 @@ use crate::path::spline::{Span, Spans};
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, hash_of};
 use headway_protocol::knot_block::{KnotPredictor, encode_block};
 use headway_protocol::message::{
-    Ack, Control, DeviceMessage, DeviceState, Finish, Hello, HostMessage, PROTOCOL_VERSION,
-    RefusalReason, SCHEMA_HASH, Start,
+    Ack, Control, DeviceMessage, DeviceState, FaultCause, Finish, Hello, HostMessage,
+    PROTOCOL_VERSION, RefusalReason, SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
 use headway_protocol::units::{CHANNELS, ChannelPoint, Ticks, Units, to_units};
@@ -351,11 +351,12 @@ impl Host {
                 (0..100).for_each(|_| machine.step_tick(&mut self.counter));
             }
             Way::Late => {
-                assert!(machine.motion.tick(machine.player.idle_bank()));
+                let bank = machine.player.idle_bank();
+                assert!(machine.servo.motion_mut().tick(bank));
                 machine.player.hand_over();
-                let runs = machine.motion.state() == DeviceState::Running;
-                if !runs || machine.motion.now_ticks().is_multiple_of(LATE_TICKS) {
-                    machine.motion.look_ahead();
+                let runs = machine.motion().state() == DeviceState::Running;
+                if !runs || machine.motion().now_ticks().is_multiple_of(LATE_TICKS) {
+                    machine.servo.motion_mut().look_ahead();
                 }
                 machine.run_step_interval(&mut self.counter);
             }

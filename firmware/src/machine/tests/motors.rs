@@ -161,7 +161,7 @@ fn a_core_xy_axis_is_homed_by_both_motors() {
     let here = to_units(&[3.0, 3.0, 197.0, 0.0, 0.0, 0.0, 0.0]);
     world.command(Control::GoTo(here));
     world.settle();
-    let motion = &mut world.host.machine.motion;
+    let motion = world.host.machine.servo.motion_mut();
     let mut elsewhere = here;
     elsewhere[1] += 250;
     assert!(motion.start(&elsewhere).is_err());

@@ -287,11 +287,16 @@ fn a_probe_that_is_the_joints_switch_stops_nothing_and_another_switch_does() {
 
 /// A machine whose probe has a pin, Z declared or not.
 fn with_pin(mut world: World, is_switch_of_z: bool) -> World {
-    world.host.machine.motion.fit_probe_pin(ProbePin {
-        fitted: true,
-        is_switch_of_z,
-        ..ProbePin::default()
-    });
+    world
+        .host
+        .machine
+        .servo
+        .motion_mut()
+        .fit_probe_pin(ProbePin {
+            fitted: true,
+            is_switch_of_z,
+            ..ProbePin::default()
+        });
     world.pin = Some(Pin {
         is_switch_of_z,
         ..Pin::default()

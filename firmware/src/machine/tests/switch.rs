@@ -128,7 +128,7 @@ fn homing_leaves_a_pressed_switch_first_and_fails_where_there_is_none() {
     world.command(Control::ClearFault);
     world.settle();
     assert_eq!(
-        world.host.machine.motion.start(&start),
+        world.host.machine.servo.motion_mut().start(&start),
         Err(CommandError::Invalid)
     );
     assert_eq!(world.host.machine.motion().referenced(), 1);
@@ -147,7 +147,7 @@ fn a_stream_goes_on_from_homed_joints_and_declares_the_others() {
     let mut world = World::new(&configuration, &switches);
     world.command(Control::Home(JointOrder::of(&[2, 0, 1]).unwrap()));
     world.settle();
-    let motion = &mut world.host.machine.motion;
+    let motion = world.host.machine.servo.motion_mut();
     let counts = motion.counts();
     let mut position = [0i32; 7];
     for axis in 0..3 {
@@ -163,15 +163,15 @@ fn a_stream_goes_on_from_homed_joints_and_declares_the_others() {
     world.command(Control::GoTo(job));
     world.settle();
     assert_eq!(world.host.refusals, []);
-    let motion = &mut world.host.machine.motion;
+    let motion = world.host.machine.servo.motion_mut();
     assert_eq!(motion.counts()[..4], [6400, 2400, 800, 0]);
     assert_eq!(motion.start(&elsewhere), Err(CommandError::Invalid));
-    let mut undisturbed = world.host.machine.motion.clone();
+    let mut undisturbed = world.host.machine.motion().clone();
     assert_eq!(undisturbed.start(&job), Ok(()));
     assert_eq!(undisturbed.referenced(), 0b1111);
     world.command(Control::GoTo(position));
     world.settle();
-    let motion = &mut world.host.machine.motion;
+    let motion = world.host.machine.servo.motion_mut();
     assert_eq!(motion.start(&position), Ok(()));
     assert_eq!(motion.counts()[..3], counts[..3]);
     assert_eq!(motion.referenced(), 0b1111);
@@ -208,8 +208,8 @@ fn a_limit_switch_stops_a_stream_and_a_jog_towards_it_but_not_away() {
 
     let (configuration, job) = (planar(), flower());
     let mut host = Host::new(&configuration, &job);
-    host.machine.motion = Motion::new(&configuration, &switches);
-    assert_eq!(host.machine.motion.start(&job.start), Ok(()));
+    *host.machine.servo.motion_mut() = Motion::new(&configuration, &switches);
+    assert_eq!(host.machine.servo.motion_mut().start(&job.start), Ok(()));
     host.counter.counts = host.machine.motion().counts();
     for tick in 0..3300 {
         host.send(&job, 8, 16);

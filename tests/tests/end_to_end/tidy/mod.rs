@@ -448,18 +448,25 @@ fn the_rules_can_fail() {
         lines: vec!["use crate::pipeline::Plan;".to_string()],
         code_lines: 1,
     };
+    let of_firmware = Source {
+        name: "firmware/src/steps/bad.rs".to_string(),
+        lines: vec!["use crate::motion::Motion;".to_string()],
+        code_lines: 1,
+    };
     let mut breaches = Breaches(Vec::new());
     check_rooms(&bad, &mut breaches);
     check_order(&upwards, &mut breaches);
     check_panics(&bad, &mut breaches);
     check_lengths(&bad, &mut breaches);
     check_stages(&circle, &mut breaches);
+    check_order(&of_firmware, &mut breaches);
     let expected = [
         "host/src/drive/bad.rs:1: names crate::plan: drive moves segments and never imports plan",
         "host/src/job/bad.rs:1: job imports from a later room (pipeline)",
         "host/src/drive/bad.rs:2: .unwrap() outside tests",
         "host/src/drive/bad.rs:511: file of 511 lines, at most 510",
         "host/src/plan/axis/bad.rs:1: stage axis imports from a later one",
+        "firmware/src/steps/bad.rs:1: steps imports from a later room (motion)",
     ];
     assert_eq!(breaches.0, expected);
 }

@@ -2,6 +2,7 @@
 //! those before it. `tools/rooms.py` counts rooms, arrows and circles.
 
 use super::{Breaches, Source, assert_none, code, sources};
+use std::collections::BTreeSet;
 
 /// A crate's folder, how its files name it, and its rooms from the lowest on.
 struct House {
@@ -10,7 +11,29 @@ struct House {
     rooms: &'static [&'static str],
 }
 
-const HOUSES: [House; 2] = [
+const HOUSES: [House; 3] = [
+    House {
+        folder: "firmware/src/",
+        prefix: "crate::",
+        rooms: &[
+            "log",
+            "design",
+            "numbers",
+            "configuration",
+            "kinematics",
+            "steps",
+            "checks",
+            "flow",
+            "path",
+            "motion",
+            "heat",
+            "drivers",
+            "settings",
+            "line",
+            "machine",
+            "board",
+        ],
+    },
     House {
         folder: "host/src/",
         prefix: "crate::",
@@ -55,8 +78,8 @@ pub fn check_order(source: &Source, breaches: &mut Breaches) {
             continue;
         };
         let own = word(below);
-        // The crate's or room's own map names all.
-        if ["lib", "main", "mod"].contains(&own) {
+        // The crate's or room's own map names all, and binaries see the library from outside.
+        if ["lib", "main", "mod", "bin"].contains(&own) {
             continue;
         }
         let place = |room: &str| house.rooms.iter().position(|name| *name == room);
@@ -85,13 +108,47 @@ pub fn check_order(source: &Source, breaches: &mut Breaches) {
 #[test]
 fn rooms_import_from_earlier_ones() {
     let mut breaches = Breaches(Vec::new());
-    let mut seen = 0;
+    let mut met = BTreeSet::new();
     for source in sources() {
-        seen += usize::from(source.name.starts_with(HOUSES[0].folder));
         check_order(&source, &mut breaches);
+        for (number, house) in HOUSES.iter().enumerate() {
+            let below = source.name.strip_prefix(house.folder).map(word);
+            met.extend(below.map(|room| (number, room.to_string())));
+        }
     }
     assert_none(&breaches);
-    assert!(seen > 300, "only {seen} files of the host");
+    for (number, house) in HOUSES.iter().enumerate() {
+        for room in house.rooms {
+            assert!(
+                met.contains(&(number, (*room).to_string())),
+                "{}{room} is not there",
+                house.folder
+            );
+        }
+    }
+}
+
+/// A room of the firmware says what comes in and goes out.
+#[test]
+fn heads_of_the_firmwares_rooms_say_what_comes_in_and_goes_out() {
+    let mut breaches = Breaches(Vec::new());
+    let mut count = 0;
+    for source in sources() {
+        let below = source.name.strip_prefix(HOUSES[0].folder);
+        let parts = below.and_then(|below| below.split_once('/'));
+        if parts.is_none_or(|(room, file)| room == "bin" || file != "mod.rs") {
+            continue;
+        }
+        count += 1;
+        let lines = source.lines.iter();
+        let head = lines.take_while(|line| line.starts_with("//!"));
+        let head: String = head.map(|line| format!("{line} ")).collect();
+        if !head.contains("In: ") || !head.contains("Out: ") {
+            breaches.add(&source, 0, "the head says what comes in and goes out");
+        }
+    }
+    assert_none(&breaches);
+    assert!(count > 10, "only {count} rooms found");
 }
 
 /// Goal: the machines of the examples are those that `headway machine new` writes. Method: the command's own files, which its

@@ -1,17 +1,27 @@
-//! Reports of the receiver -> bytes for a line, in the main loop.
+//! Reports of a receiver -> bytes that a line takes piece by piece.
+//!
+//! In: a receiver, and leave to look at the motion. Out: bytes of one report after the other.
 
-use super::{note_pass, with_motion};
-use headway_firmware::line::Receiver;
+use super::Receiver;
 use headway_protocol::frame::FRAME_BYTES_MAX;
+use headway_protocol::message::DeviceMessage;
 
 /// A report on its way out. A host that does not listen holds it up, never the rest.
+#[derive(Clone, Debug)]
 pub struct Outgoing {
     frame: [u8; FRAME_BYTES_MAX],
     length: usize,
     sent: usize,
 }
 
+impl Default for Outgoing {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Outgoing {
+    /// Nothing.
     pub const fn new() -> Self {
         Self {
             frame: [0; FRAME_BYTES_MAX],
@@ -20,14 +30,16 @@ impl Outgoing {
         }
     }
 
-    /// What is to be sent now; gets the next report when the last one is out. One call per round of
-    /// the main loop: it also tells the servo that the loop lives.
-    #[inline(never)]
-    pub fn pending(&mut self, receiver: &mut Receiver) -> &[u8] {
-        note_pass();
+    /// What is to be sent now; gets the next report, which `report` takes of the receiver, when the last one is out.
+    #[inline(always)]
+    pub fn pending(
+        &mut self,
+        receiver: &mut Receiver,
+        report: impl FnOnce(&mut Receiver) -> Option<DeviceMessage>,
+    ) -> &[u8] {
         if self.sent >= self.length {
             self.sent = 0;
-            let report = with_motion(|motion| receiver.take_report(motion)).flatten();
+            let report = report(receiver);
             let length = report.map_or(0, |report| receiver.write_report(&report, &mut self.frame));
             self.length = length.min(FRAME_BYTES_MAX);
         }
