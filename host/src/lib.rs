@@ -13,7 +13,6 @@
 //! ```
 //!
 //! [`input`], [`mesh`] and [`gcode`] read; [`pipeline`] takes each kind of input through the stages of [`plan`]; [`job`]
-//! [`input`], [`mesh`] and [`gcode`] read; [`pipeline`] takes each kind of input through the stages of [`plan`]; [`job`]
 //! is what comes out; [`drive`] moves the finished stream, [`report`] draws and tabulates, `cli` is the command (feature
 //! `command`).
 //!
