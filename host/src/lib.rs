@@ -95,6 +95,7 @@ use crate::plan::route::waypoint_curve::rounding::RoundedCorners;
 use crate::plan::route::waypoint_curve::{WaypointCurveError, WaypointPasses, waypoint_passes};
 use crate::plan::route::waypoint_route::waypoint_route;
 use crate::settings::{Place, Settings, SettingsError};
+use crate::surface_plan::curved_layers::{CurvedFigures, CurvedLayersError};
 use crate::surface_plan::{OnSurface, SurfaceError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
@@ -131,6 +132,8 @@ pub struct Plan {
     pub touches: Option<Touches>,
     /// The surface that it lies on, where there is one.
     pub on_surface: Option<OnSurface>,
+    /// What became of its curved layers, where it has some.
+    pub curved_layers: Option<CurvedFigures>,
     /// Layers that were slowed to last long enough.
     pub slowed: SlowedLayers,
     /// Everything the head does.
@@ -237,6 +240,9 @@ pub enum PlanError {
     /// The plan does not go onto its surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
+    /// The part is not printed in curved layers.
+    #[error(transparent)]
+    CurvedLayers(#[from] CurvedLayersError),
     /// Travel around the keep-outs.
     #[error(transparent)]
     Travel(#[from] TravelError),

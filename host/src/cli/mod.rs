@@ -47,6 +47,7 @@ mod pictures;
 mod piece_cache;
 mod plan;
 mod planned;
+mod planned_curved;
 mod planned_gcode;
 mod planned_part;
 mod planned_patch;

@@ -24,9 +24,10 @@ use crate::plan::judge::figures::PlanFigures;
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
-use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
+use crate::report::figures::{CurvedLayerFigures, Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::stacked_ground::open_cells;
+use crate::surface_plan::curved_layers::CurvedFigures;
 use left_out::{left_out, longest_first};
 use objections::Objection;
 use run_notes::{corner_figures, run_notes};
@@ -56,14 +57,16 @@ pub struct Findings {
 
 /// Looks a plan over that took `plan_s` seconds.
 pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
-    let unreachable = match &plan.on_surface {
-        Some(laid) => laid.unreachable.clone(),
-        None => unreachable_boundary(plan.regions()),
+    let unreachable = match (&plan.on_surface, &plan.curved_layers) {
+        (Some(laid), _) => laid.unreachable.clone(),
+        (_, Some(curved)) => curved.unreachable.clone(),
+        _ => unreachable_boundary(plan.regions()),
     };
     let mut warnings = warnings(plan, &unreachable, settings);
-    let open = match &plan.on_surface {
-        Some(laid) => laid.open_ground(),
-        None => open_ground(plan, settings),
+    let open = match (&plan.on_surface, &plan.curved_layers) {
+        (Some(laid), _) => laid.open_ground(),
+        (_, Some(curved)) => curved.open_ground(),
+        _ => open_ground(plan, settings),
     };
     let all_mm2 = told_mm2(&open, settings);
     warnings.extend(open_ground::note(&open, all_mm2, |_| None, settings));
@@ -94,7 +97,8 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
 /// The largest piece of ground that stays open; a path has none.
 fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
     let largest = open.first().map_or(0.0, |piece| piece.area_mm2);
-    (!plan.prints.is_empty() || plan.on_surface.is_some()).then_some(largest)
+    let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
+    (!plan.prints.is_empty() || is_laid).then_some(largest)
 }
 
 fn all_figures(
@@ -137,7 +141,8 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     let f = &plan.figures;
     let passes = f.passes as u64;
     // A path has no area: these figures would mean nothing.
-    let has_area = !plan.regions().is_empty() || plan.on_surface.is_some();
+    let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
+    let has_area = !plan.regions().is_empty() || is_laid;
     let of_area = |figure: f64| has_area.then_some(figure);
     let infill = plan.infill_area_mm2(None);
     let place = |run: &UnreachableRun| {
@@ -148,6 +153,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     Figures {
         area_mm2: of_area(f.area_mm2),
         layers: is_stack.then_some(u64::from(f.layers)),
+        curved_layers: plan.curved_layers.as_ref().map(curved_layer_figures),
         layer_kinds: (is_stack && !plan.kinds.is_empty()).then(|| kind_figures(plan)),
         covered_pct_min: is_stack.then_some(f.covered_pct_min),
         overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
@@ -185,6 +191,18 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
         segments: Some(plan.stream.knots.len() as u64),
         ..sparse_figures(f, plan.sparse_area_mm2(None).unwrap_or_default())
+    }
+}
+
+fn curved_layer_figures(curved: &CurvedFigures) -> CurvedLayerFigures {
+    CurvedLayerFigures {
+        flat_layers: u64::from(curved.layers[0]),
+        curved_layers: u64::from(curved.layers[1]),
+        stair_error_flat_mm3: curved.stair_error_mm3[0],
+        stair_error_mm3: curved.stair_error_mm3[1],
+        thickness_min: curved.thickness[0],
+        thickness_max: curved.thickness[1],
+        slope_max_deg: curved.slope_max_rad.to_degrees(),
     }
 }
 

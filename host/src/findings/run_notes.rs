@@ -151,7 +151,8 @@ fn singular_places(singular: &SingularPlaces) -> Option<String> {
 
 /// What became of the corners; `None` where none were to be rounded.
 pub(super) fn corner_figures(plan: &Plan, settings: &Settings) -> Option<CornerFigures> {
-    let is_run = plan.kinds.is_empty() && plan.on_surface.is_none();
+    let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
+    let is_run = plan.kinds.is_empty() && !is_laid;
     let told = &plan.rounded;
     (is_run && settings.tolerances.corner_mm > 0.0).then(|| CornerFigures {
         path: told.path as u64,

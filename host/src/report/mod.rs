@@ -11,6 +11,7 @@ pub mod axes_picture;
 mod canvas;
 pub mod compare_picture;
 mod corner_figures;
+mod curved_layer_figures;
 pub mod coverage_picture;
 mod figure_rows;
 pub mod figures;

@@ -1,0 +1,311 @@
+//! Layers planned and put after each other -> one route, its motion, and what it covers.
+//!
+//! In: layers in order (heights above the bed, mm). Out: a [`Plan`] in input coordinates. From the lift behind one layer's last pass
+//! the head goes straight up, across above all that is printed so far while it turns and tilts, and straight down.
+
+use super::CurvedFigures;
+use super::laid_layer::{Context, Ground, Laid, curved, flat};
+use super::layer_shape::{PartLayer, Shape};
+use crate::geometry::Point2;
+use crate::geometry::polygon::Box2;
+use crate::job::{MotionState, SegmentStream};
+use crate::layer_stack::LeftOut;
+use crate::layer_time::lay_with_layer_times;
+use crate::part_transform::PartTransform;
+use crate::plan::judge::figures::{PlanFigures, Swept};
+use crate::plan::judge::ground_sweep::{CurvedGround, sweep_ground};
+use crate::plan::judge::measure::{MeasuredPrint, measure};
+use crate::plan::judge::touches::touches;
+use crate::plan::layers::PlanePass;
+use crate::plan::layers::layer_groups::OFF_REGIONS;
+use crate::plan::layers::skirt::skirt_reach_mm;
+use crate::plan::progress::Progress;
+use crate::plan::route::build_route::nearest_heading;
+use crate::plan::route::moves::{PathCurve, RouteMove};
+use crate::plan::route::waypoint_route::{complete_route, has_motion};
+use crate::settings::Settings;
+use crate::{PlacedPasses, Plan, PlanError, placed_passes, start_pose};
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
+};
+
+type Point = [f64; CHANNELS];
+
+/// Layers that were planned together, and the number of their first pass in the job.
+struct Numbered {
+    laid: Laid,
+    first_layer: u32,
+    first_pass: usize,
+}
+
+/// The job so far.
+#[derive(Default)]
+struct OneJob {
+    moves: Vec<RouteMove>,
+    parts: Vec<Numbered>,
+    curves: Vec<PlanePass>,
+    left_out: Vec<LeftOut>,
+    top_mm: f64,
+    volume_mm3: f64,
+}
+
+/// Plans layers as one job.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn planned(
+    layers: &[PartLayer],
+    bed_mm: f64,
+    figures: CurvedFigures,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Plan, PlanError> {
+    let mut job = OneJob::default();
+    let mut number = 0;
+    // Flat layers that follow each other are planned together.
+    for group in layers.chunk_by(|a, b| !a.is_curved() && !b.is_curved()) {
+        let context = Context {
+            settings,
+            start: job.end(),
+            is_first: number == 0,
+            progress,
+        };
+        progress.layers(number as usize, layers.len());
+        let next = number + group.len() as u32;
+        let laid = match &group[0].shape {
+            Shape::Flat { .. } => flat(number..next, group, &context)?,
+            Shape::Curved { top, below } => {
+                curved(number, &group[0].regions, (top, below), &context)?
+            }
+        };
+        job.add(laid, number, settings);
+        number = next;
+    }
+    progress.layers(layers.len(), layers.len());
+    if job.curves.is_empty() {
+        return Err(PlanError::NoLayerPrintable {
+            left_out: job.left_out.len(),
+        });
+    }
+    job.raise(bed_mm);
+    job.laid_out(layers, bed_mm, figures, settings, progress)
+}
+
+impl OneJob {
+    fn end(&self) -> Point {
+        let last = self.moves.last().and_then(|last| last.curve.control.last());
+        last.copied().unwrap_or_default()
+    }
+
+    /// Puts layers behind what there is.
+    fn add(&mut self, mut laid: Laid, first_layer: u32, settings: &Settings) {
+        self.left_out.append(&mut laid.left_out);
+        let first_pass = self.curves.len();
+        let begin = laid.moves.first().and_then(|first| first.curve.control.first());
+        if let Some(&begin) = begin {
+            let end = self.end();
+            let period_rad = settings.aperture.period_rad();
+            let heading_rad = begin[CHANNEL_HEADING];
+            let turn_rad = match self.moves.is_empty() {
+                true => 0.0,
+                false => nearest_heading(heading_rad, end[CHANNEL_HEADING], period_rad) - heading_rad,
+            };
+            let more_mm3 = self.volume_mm3 - begin[CHANNEL_VOLUME];
+            for route_move in &mut laid.moves {
+                for point in &mut route_move.curve.control {
+                    point[CHANNEL_HEADING] += turn_rad;
+                    point[CHANNEL_VOLUME] += more_mm3;
+                }
+                route_move.pass = route_move.pass.map(|pass| pass + first_pass as u32);
+            }
+            let mut begin = begin;
+            begin[CHANNEL_HEADING] += turn_rad;
+            begin[CHANNEL_VOLUME] += more_mm3;
+            if !self.moves.is_empty() {
+                self.travel([end, begin], first_layer, settings.lift_mm);
+            }
+            let points = laid.moves.iter().flat_map(|route_move| &route_move.curve.control);
+            self.top_mm = points.map(|point| point[CHANNEL_Z]).fold(self.top_mm, f64::max);
+            self.moves.append(&mut laid.moves);
+            self.volume_mm3 = self.end()[CHANNEL_VOLUME];
+        }
+        self.curves.append(&mut laid.curves);
+        self.parts.push(Numbered {
+            laid,
+            first_layer,
+            first_pass,
+        });
+    }
+
+    /// Up, across, down.
+    fn travel(&mut self, [from, to]: [Point; 2], layer: u32, lift_mm: f64) {
+        let above_mm = (self.top_mm + lift_mm).max(from[CHANNEL_Z]).max(to[CHANNEL_Z]);
+        let [up, over] = [from, to].map(|mut point| {
+            point[CHANNEL_Z] = above_mm;
+            point
+        });
+        for control in [vec![from, up], vec![up, over], vec![over, to]] {
+            if control[0] != control[1] {
+                self.moves.push(RouteMove {
+                    state: MotionState::Travel,
+                    layer,
+                    pass: None,
+                    curve: PathCurve { control },
+                    dwell_s: 0.0,
+                    speed_mm_s: None,
+                    speeds_mm_s: Vec::new(),
+                    acceleration_mm_s2: None,
+                    parts: Vec::new(),
+                    event: None,
+                });
+            }
+        }
+    }
+
+    /// From heights above the bed to input coordinates.
+    fn raise(&mut self, bed_mm: f64) {
+        let moves = self.moves.iter_mut();
+        for point in moves.flat_map(|route_move| &mut route_move.curve.control) {
+            point[CHANNEL_Z] += bed_mm;
+        }
+        self.top_mm += bed_mm;
+    }
+
+    fn bounds(&self, layers: &[PartLayer], settings: &Settings) -> Box2 {
+        let points = self.moves.iter().flat_map(|route_move| &route_move.curve.control);
+        let points = points.map(|point| Point2::new(point[CHANNEL_X], point[CHANNEL_Y]));
+        let regions = layers.iter().flat_map(|layer| &layer.regions);
+        let boxes = regions.map(|region| region.bounds());
+        let corners: Vec<Point2> = boxes.flat_map(|b| [b.min, b.max]).chain(points).collect();
+        Box2::of(&corners).grown(skirt_reach_mm(settings))
+    }
+
+    /// The motion, and what it covers.
+    fn laid_out(
+        self,
+        layers: &[PartLayer],
+        bed_mm: f64,
+        mut curved: CurvedFigures,
+        settings: &Settings,
+        progress: &dyn Progress,
+    ) -> Result<Plan, PlanError> {
+        let bounds = self.bounds(layers, settings);
+        let stacked = Settings {
+            layers: layers.len() as u32,
+            ..settings.clone()
+        };
+        let transform = PartTransform::choose_box(bounds, [bed_mm, self.top_mm], &stacked)?;
+        let PlacedPasses {
+            passes,
+            transform,
+            found_place,
+            singular,
+            ..
+        } = placed_passes(
+            vec![self.curves_at(&transform)],
+            transform,
+            bounds,
+            settings,
+            false,
+        )?;
+        let on_machine = passes.into_iter().flatten().collect();
+        let top_mm = self.top_mm + transform.offset_mm[2];
+        let mut route = complete_route(&self.moves, on_machine, top_mm, start_pose(settings), settings);
+        let touches = touches(&route, None, settings);
+        let (stream, motion, slowed) = lay_with_layer_times(&mut route, settings, progress)?;
+        let (figures, swept) = self.judged(&stream, &transform, bed_mm, settings, progress);
+        for part in &self.parts {
+            if let Ground::Surface(laid) = &part.laid.on {
+                curved.unreachable.extend(laid.unreachable.iter().copied());
+            }
+        }
+        curved.swept = swept;
+        Ok(Plan {
+            transform,
+            found_place,
+            singular,
+            touches,
+            left_out: self.left_out,
+            curves: self.curves,
+            curved_layers: Some(curved),
+            slowed,
+            route,
+            stream,
+            motion,
+            figures,
+            ..Plan::default()
+        })
+    }
+
+    fn curves_at(&self, transform: &PartTransform) -> Vec<PathCurve> {
+        let moves = self.moves.iter().filter(|route_move| has_motion(route_move));
+        let curves = moves.map(|route_move| super::super::shifted(&route_move.curve, transform.offset_mm));
+        curves.collect()
+    }
+
+    /// Coverage of all layers: flat ones in the plane, curved ones on their surfaces.
+    fn judged(
+        &self,
+        stream: &SegmentStream,
+        transform: &PartTransform,
+        bed_mm: f64,
+        settings: &Settings,
+        progress: &dyn Progress,
+    ) -> (PlanFigures, Vec<crate::plan::judge::ground_sweep::LayerSwept>) {
+        let (mut prints, mut print_of_pass) = (Vec::new(), Vec::new());
+        for part in &self.parts {
+            let first_print = prints.len();
+            let of_part = part.laid.print_of_curve.iter();
+            match &part.laid.on {
+                Ground::Plane { kinds, prints: own } => {
+                    prints.extend(own.iter().map(|print| MeasuredPrint {
+                        contour: &kinds[print.kind].regions[print.region].contour,
+                        layer: print.layer,
+                        like: first_print + print.like,
+                    }));
+                    print_of_pass.extend(of_part.map(|print| match *print {
+                        OFF_REGIONS => OFF_REGIONS,
+                        print => first_print + print,
+                    }));
+                }
+                Ground::Surface(_) => print_of_pass.extend(of_part.map(|_| OFF_REGIONS)),
+            }
+        }
+        let (mut figures, measured) =
+            measure(stream, &prints, &print_of_pass, transform, settings, progress);
+        let mut raised = *transform;
+        raised.offset_mm[2] += bed_mm;
+        let mut swept: Vec<(u32, Swept)> = prints
+            .iter()
+            .zip(&measured.swept)
+            .map(|(print, swept)| (print.layer, *swept))
+            .collect();
+        let mut curved = Vec::new();
+        for part in &self.parts {
+            let Ground::Surface(laid) = &part.laid.on else {
+                continue;
+            };
+            let ground = CurvedGround {
+                chart: &*laid.chart,
+                scale: &laid.scale,
+                regions: &laid.regions,
+                transform: &raised,
+                lowest_layer: part.first_layer,
+            };
+            let of_regions = |pass: u32| {
+                let own = (pass as usize).checked_sub(part.first_pass);
+                let print = own.and_then(|own| part.laid.print_of_curve.get(own));
+                print.is_some_and(|print| *print != OFF_REGIONS)
+            };
+            let found = sweep_ground(stream, &ground, of_regions, settings);
+            swept.extend(found.iter().map(|layer| (layer.layer, layer.swept)));
+            curved.extend(found);
+        }
+        swept.sort_by_key(|(layer, _)| *layer);
+        let (layers, swept): (Vec<u32>, Vec<Swept>) = swept.into_iter().unzip();
+        figures.set_shares(&layers, &swept);
+        // What is printed beside regions of the plane lies on curved ones.
+        figures.skirt_mm = 0.0;
+        (figures, curved)
+    }
+}
