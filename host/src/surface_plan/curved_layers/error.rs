@@ -14,20 +14,6 @@ pub enum CurvedLayersError {
         /// Least area of a top.
         area_min_mm2: f64,
     },
-    /// A top with a gap below it.
-    #[error(
-        "--curved-layers: under the curved top near ({:.2}, {:.2}) mm the part is open between z = {low_mm:.2} and \
-         {high_mm:.2} mm: curved layers need material from the bed to the top; fill the gap, or print this part in flat layers",
-        at_mm[0], at_mm[1]
-    )]
-    TopAboveTop {
-        /// Place from above.
-        at_mm: [f64; 2],
-        /// Where the gap begins.
-        low_mm: f64,
-        /// Where it ends.
-        high_mm: f64,
-    },
     /// Too low for its skin.
     #[error(
         "--curved-layers skin:{layers}: the top near ({:.2}, {:.2}) mm is {height_mm:.2} mm high, too low for {layers} curved \

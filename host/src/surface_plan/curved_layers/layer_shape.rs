@@ -98,6 +98,14 @@ impl PartLayer {
         }
     }
 
+    /// How thick it is at a place, mm; `None` of a flat one, which is a layer height.
+    pub fn thickness_mm(&self, at: Point2) -> Option<f64> {
+        match &self.shape {
+            Shape::Flat { .. } => None,
+            Shape::Curved { top, below } => Some(top.z_mm(at) - below.z_mm(at)),
+        }
+    }
+
     /// True for a curved one.
     pub fn is_curved(&self) -> bool {
         matches!(self.shape, Shape::Curved { .. })

@@ -6,21 +6,24 @@
 //!   --planned in the plane or in a chart--> moves --one after another--> Route --> as for surfaces
 //! ```
 //! In: a closed mesh (mm, input coordinates). Out: a [`Plan`] whose layers follow each other as one job. **Skin**: flat layers with so
-//! many curved ones over them ([`skin`]). Leaves out: supports, keep-outs, copies, layers of several heights; the inside is solid.
+//! many curved ones over them ([`skin`]). **All**: one smooth function has the layers as its whole values ([`field`]). Which of them,
+//! unless it is said, is what leaves less of the stairs, or as much in less time. Leaves out: supports, keep-outs, copies, layers of several heights; the inside is solid.
 
+mod all_curved;
 mod error;
+mod field;
 mod laid_layer;
-mod layer_shape;
+pub mod layer_shape;
 mod one_job;
 mod sections;
 mod skin;
+mod smooth_top;
 mod stair_error;
 mod top_grid;
 
 pub use error::CurvedLayersError;
 
-use crate::geometry::polygon::Box2;
-use crate::geometry::spline_surface::SplineSurface;
+use crate::geometry::polygon::Region;
 use crate::mesh::{Mesh, Point3};
 use crate::open_ground::OpenGround;
 use crate::plan::judge::ground_sweep::LayerSwept;
@@ -28,6 +31,7 @@ use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::settings::{LAYERS_MAX, Settings};
 use crate::{Plan, PlanError};
+use headway_firmware::configuration::Kinematics;
 use super::laid_ground::open_places;
 use layer_shape::PartLayer;
 use stair_error::Bounds;
@@ -35,15 +39,8 @@ use top_grid::{Piece, TopGrid};
 
 /// Least area of a piece of the top, of the nozzle's half length squared: room for a few beads.
 const PIECE_AREA: f64 = 16.0;
-/// A smooth top is as coarse as it may be while it is this near to the mesh, of a layer; its least pitches, of the unit, the first at
-/// which the nozzle lies in its hollows; pieces of a spline's coarsest grid; and how far it goes on beyond a piece, of the
-/// nozzle's half length.
-const NEAR: f64 = 0.01;
-const PITCHES: [f64; 3] = [0.9, 1.2, 1.6];
-const COARSEST: f64 = 4.0;
-const AROUND: f64 = 12.0;
-/// How deep the ends of a flat nozzle, or of its tip, may be in a hollow, of a layer.
-const HOLLOW_SHARE: f64 = 0.45;
+/// How deep the end of a nozzle that stays upright may be in a slope, of a layer.
+const HANG_SHARE: f64 = 0.5;
 /// Curved layers of a skin, where nobody says how many.
 pub const SKIN_LAYERS: u32 = 3;
 
@@ -84,18 +81,20 @@ impl CurvedFigures {
 }
 
 /// A part on its way.
-pub struct Job<'a> {
+struct Job<'a> {
     mesh: Mesh,
     grid: TopGrid,
     layer_mm: f64,
     settings: &'a Settings,
 }
 
-/// A part divided.
-struct Divided {
-    layers: Vec<PartLayer>,
-    stair_error_mm3: f64,
-    bounds: Bounds,
+/// A part divided into layers.
+#[derive(Clone, Debug)]
+pub struct DividedPart {
+    /// Its layers, in the order that they are printed in; heights are those above the bed, mm.
+    pub layers: Vec<PartLayer>,
+    /// What they come to.
+    pub figures: CurvedFigures,
 }
 
 /// Plans a part in curved layers.
@@ -110,22 +109,49 @@ pub fn plan_curved_layers(
 ) -> Result<Plan, PlanError> {
     settings.check()?;
     let bed_mm = mesh.bounds_mm()[0].z;
-    let job = Job::of(mesh, bed_mm, settings)?;
-    let divided = job.divided(asked)?;
+    let divided = divided(mesh, asked, settings)?;
+    one_job::planned(&divided.layers, bed_mm, divided.figures, settings, progress)
+}
+
+/// Divides a part into layers, some of them curved; nothing is planned.
+///
+/// # Errors
+/// [`CurvedLayersError`].
+pub fn divided(
+    mesh: &Mesh,
+    asked: CurvedLayers,
+    settings: &Settings,
+) -> Result<DividedPart, CurvedLayersError> {
+    let job = Job::of(mesh, settings)?;
+    let Division {
+        layers,
+        stair_error_mm3,
+        bounds,
+    } = job.divided(asked)?;
     let flat_mm3 = stair_error::of_flat_layers(&job.grid, job.layer_mm);
-    let curved = divided.layers.iter().filter(|layer| layer.is_curved()).count() as u32;
-    let figures = CurvedFigures {
-        layers: [divided.layers.len() as u32 - curved, curved],
-        stair_error_mm3: [flat_mm3, divided.stair_error_mm3],
-        thickness: divided.bounds.thickness,
-        slope_max_rad: divided.bounds.slope.atan(),
-        ..CurvedFigures::default()
-    };
-    one_job::planned(&divided.layers, bed_mm, figures, settings, progress)
+    let curved = layers.iter().filter(|layer| layer.is_curved()).count() as u32;
+    Ok(DividedPart {
+        figures: CurvedFigures {
+            layers: [layers.len() as u32 - curved, curved],
+            stair_error_mm3: [flat_mm3, stair_error_mm3],
+            thickness: bounds.thickness,
+            slope_max_rad: bounds.slope.atan(),
+            ..CurvedFigures::default()
+        },
+        layers,
+    })
+}
+
+/// Layers, judged.
+struct Division {
+    layers: Vec<PartLayer>,
+    stair_error_mm3: f64,
+    bounds: Bounds,
 }
 
 impl<'a> Job<'a> {
-    fn of(mesh: &Mesh, bed_mm: f64, settings: &'a Settings) -> Result<Job<'a>, CurvedLayersError> {
+    fn of(mesh: &Mesh, settings: &'a Settings) -> Result<Job<'a>, CurvedLayersError> {
+        let bed_mm = mesh.bounds_mm()[0].z;
         let vertices = mesh.vertices.iter();
         let mesh = Mesh {
             vertices: vertices.map(|p| Point3::new(p.x, p.y, p.z - bed_mm)).collect(),
@@ -150,15 +176,16 @@ impl<'a> Job<'a> {
     fn slope_max(&self) -> f64 {
         let head = self.settings.head.as_ref();
         let free_tilt_rad = head.map_or(FREE_TILT_UNKNOWN_RAD, |head| head.free_tilt_rad());
-        free_tilt_rad.tan().min(SLOPE_MAX)
+        match self.tilts() {
+            true => free_tilt_rad.tan().min(SLOPE_MAX),
+            // What the upper end of the nozzle is below the ground beside it.
+            false => HANG_SHARE * self.layer_mm / self.settings.aperture.major_mm(),
+        }
     }
 
-    /// The sharpest hollow that nozzle and tip lie in.
-    fn hollow_max_per_mm(&self) -> f64 {
-        let head = self.settings.head.as_ref();
-        let tip_mm = head.map_or(0.0, |head| head.profile().tip_radius_mm());
-        let half_mm = self.settings.aperture.major_mm().max(tip_mm);
-        2.0 * HOLLOW_SHARE * self.layer_mm / (half_mm * half_mm)
+    /// Whether the tool axis can follow a slope.
+    fn tilts(&self) -> bool {
+        self.settings.machine.kinematics != Kinematics::Planar
     }
 
     fn pieces(&self) -> Result<Vec<Piece>, CurvedLayersError> {
@@ -173,19 +200,40 @@ impl<'a> Job<'a> {
         }
     }
 
-    fn divided(&self, asked: CurvedLayers) -> Result<Divided, CurvedLayersError> {
+    fn divided(&self, asked: CurvedLayers) -> Result<Division, CurvedLayersError> {
         let pieces = self.pieces()?;
-        let layers = match asked {
-            CurvedLayers::Skin(count) => skin::layers_with_skin(self, &pieces, count)?,
-            CurvedLayers::Auto | CurvedLayers::All => {
-                skin::layers_with_skin(self, &pieces, SKIN_LAYERS)?
-            }
-        };
-        Ok(self.judged(layers))
+        let skin = |count: u32| Ok(self.judged(skin::layers_with_skin(self, &pieces, count)?));
+        let usual = SKIN_LAYERS.min(skin::layers_max(self, &pieces).0).max(1);
+        match asked {
+            CurvedLayers::Skin(count) => skin(count),
+            CurvedLayers::All => self.all(&pieces),
+            CurvedLayers::Auto => match (skin(usual), self.all(&pieces)) {
+                (Ok(skin), Ok(all)) => Ok(self.better(skin, all)),
+                (skin, Err(_)) => skin,
+                (Err(_), all) => all,
+            },
+        }
     }
 
-    fn judged(&self, layers: Vec<PartLayer>) -> Divided {
-        Divided {
+    fn all(&self, pieces: &[Piece]) -> Result<Division, CurvedLayersError> {
+        let all = self.judged(all_curved::curved_throughout(self, pieces));
+        all_curved::check(&all.bounds, self.slope_max())?;
+        Ok(all)
+    }
+
+    /// What leaves less of the stairs; where both leave about as much, what takes less time.
+    fn better(&self, skin: Division, all: Division) -> Division {
+        let flat_mm3 = stair_error::of_flat_layers(&self.grid, self.layer_mm);
+        let differ = (all.stair_error_mm3 - skin.stair_error_mm3) / flat_mm3.max(1e-12);
+        let is_all = match differ.abs() < AS_GOOD {
+            true => area_mm2(&all.layers) < FASTER * area_mm2(&skin.layers),
+            false => differ < 0.0,
+        };
+        if is_all { all } else { skin }
+    }
+
+    fn judged(&self, layers: Vec<PartLayer>) -> Division {
+        Division {
             stair_error_mm3: stair_error::of_layers(&self.grid, &layers),
             bounds: stair_error::bounds(&self.grid, &layers, self.layer_mm),
             layers,
@@ -193,40 +241,16 @@ impl<'a> Job<'a> {
     }
 }
 
+/// All that layers print: with one nozzle and speed their time is about that, mm².
+fn area_mm2(layers: &[PartLayer]) -> f64 {
+    let regions = layers.iter().flat_map(|layer| &layer.regions);
+    regions.map(Region::area_mm2).sum()
+}
+
+/// Stairs that differ by less of those of flat layers are as good; how much less the area of all layers has to be then to be
+/// taken, since every one of them is planned by itself.
+const AS_GOOD: f64 = 0.03;
+const FASTER: f64 = 0.95;
 /// Free tilt of a head whose shape is not in the machine file, rad, and the steepest slope that is followed whatever the head.
 const FREE_TILT_UNKNOWN_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
 const SLOPE_MAX: f64 = 1.0;
-
-/// A smooth surface through places of a piece: where a flat nozzle would not lie in its hollows, a coarser one.
-fn fitted(points: &[[f64; 3]], job: &Job) -> SplineSurface {
-    let around_mm = AROUND * job.settings.aperture.major_mm();
-    let corners = points.iter().map(|p| [p[0], p[1]].into());
-    let bounds = Box2::of(&corners.collect::<Vec<_>>()).grown(around_mm);
-    let finest_mm = (PITCHES[0] * job.settings.aperture.unit_mm()).max(2.0 * job.grid.step_mm);
-    let near_mm = NEAR * job.layer_mm;
-    let mut finest = None;
-    for pitch in PITCHES {
-        let pitch_mm = finest_mm * pitch / PITCHES[0];
-        // A box as wide as the pitch times a power of two: halving leads to the pitch itself.
-        let size = bounds.size();
-        let halvings = (size.x.max(size.y) / (COARSEST * pitch_mm)).log2().ceil();
-        let side_mm = COARSEST * pitch_mm * halvings.exp2();
-        let wide = bounds.grown(0.5 * (side_mm - size.x.max(size.y)).max(0.0));
-        let Some(fitted) = SplineSurface::through(points, wide, near_mm, 0.99 * pitch_mm) else {
-            continue;
-        };
-        let hollow = points.iter().map(|p| hollow_per_mm(&fitted.surface, p));
-        if hollow.fold(0.0, f64::max) <= job.hollow_max_per_mm() {
-            return fitted.surface;
-        }
-        finest.get_or_insert(fitted.surface);
-    }
-    // There are points: a piece has cells.
-    finest.unwrap_or_else(|| SplineSurface::level(bounds, finest_mm))
-}
-
-/// The sharpest hollow bend at a place, 1/mm, about: of the heights, whose slopes are gentle.
-fn hollow_per_mm(surface: &SplineSurface, p: &[f64; 3]) -> f64 {
-    let [xx, xy, yy] = surface.jet(p[0], p[1]).bend;
-    0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy)
-}

@@ -4,7 +4,7 @@
 //! the head goes straight up, across above all that is printed so far while it turns and tilts, and straight down.
 
 use super::CurvedFigures;
-use super::laid_layer::{Context, Ground, Laid, curved, flat};
+use super::laid_layer::{Context, Ground, Laid, curved, flat, upright};
 use super::layer_shape::{PartLayer, Shape};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Box2;
@@ -13,7 +13,7 @@ use crate::layer_stack::LeftOut;
 use crate::layer_time::lay_with_layer_times;
 use crate::part_transform::PartTransform;
 use crate::plan::judge::figures::{PlanFigures, Swept};
-use crate::plan::judge::ground_sweep::{CurvedGround, sweep_ground};
+use crate::plan::judge::ground_sweep::{CurvedGround, LayerSwept, sweep_ground};
 use crate::plan::judge::measure::{MeasuredPrint, measure};
 use crate::plan::judge::touches::touches;
 use crate::plan::layers::PlanePass;
@@ -25,6 +25,7 @@ use crate::plan::route::moves::{PathCurve, RouteMove};
 use crate::plan::route::waypoint_route::{complete_route, has_motion};
 use crate::settings::Settings;
 use crate::{PlacedPasses, Plan, PlanError, placed_passes, start_pose};
+use headway_firmware::configuration::Kinematics;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
@@ -62,6 +63,7 @@ pub fn planned(
 ) -> Result<Plan, PlanError> {
     let mut job = OneJob::default();
     let mut number = 0;
+    let tilts = settings.machine.kinematics != Kinematics::Planar;
     // Flat layers that follow each other are planned together.
     for group in layers.chunk_by(|a, b| !a.is_curved() && !b.is_curved()) {
         let context = Context {
@@ -74,6 +76,9 @@ pub fn planned(
         let next = number + group.len() as u32;
         let laid = match &group[0].shape {
             Shape::Flat { .. } => flat(number..next, group, &context)?,
+            Shape::Curved { top, below } if !tilts => {
+                upright(number, &group[0], (top, below), &context)?
+            }
             Shape::Curved { top, below } => {
                 curved(number, &group[0].regions, (top, below), &context)?
             }
@@ -251,7 +256,7 @@ impl OneJob {
         bed_mm: f64,
         settings: &Settings,
         progress: &dyn Progress,
-    ) -> (PlanFigures, Vec<crate::plan::judge::ground_sweep::LayerSwept>) {
+    ) -> (PlanFigures, Vec<LayerSwept>) {
         let (mut prints, mut print_of_pass) = (Vec::new(), Vec::new());
         for part in &self.parts {
             let first_print = prints.len();

@@ -9,7 +9,8 @@ use super::error::CurvedLayersError;
 use super::layer_shape::{Below, LevelSurface, PartLayer, Shape};
 use super::sections::{above, sections};
 use super::top_grid::{Piece, TopGrid};
-use super::{Job, fitted};
+use super::Job;
+use super::smooth_top::smooth_top;
 use crate::geometry::boolean::{difference, intersection};
 use crate::geometry::polygon::Region;
 use crate::mesh::Point3;
@@ -40,9 +41,7 @@ pub fn layers_with_skin(
     skin_layers: u32,
 ) -> Result<Vec<PartLayer>, CurvedLayersError> {
     let layer_mm = job.layer_mm;
-    for piece in pieces {
-        check_height(job, piece, skin_layers)?;
-    }
+    check_height(job, pieces, skin_layers)?;
     let mut taken: Vec<Region> = Vec::new();
     let mut skins = Vec::new();
     for piece in pieces {
@@ -60,19 +59,24 @@ pub fn layers_with_skin(
     Ok(layers)
 }
 
-fn check_height(job: &Job, piece: &Piece, skin_layers: u32) -> Result<(), CurvedLayersError> {
-    let height_mm = |cell: &usize| job.grid.z_mm[*cell];
-    let lowest = piece.cells.iter().copied();
-    let Some(lowest) = lowest.min_by(|a, b| height_mm(a).total_cmp(&height_mm(b))) else {
-        return Ok(());
-    };
-    let layers_max = (height_mm(&lowest) / job.layer_mm + 0.5).floor().max(0.0) as u32;
+/// How many curved layers fit over the lowest place of pieces, and that place.
+pub fn layers_max(job: &Job, pieces: &[Piece]) -> (u32, usize) {
+    let cells = pieces.iter().flat_map(|piece| piece.cells.iter().copied());
+    let height_mm = |cell: usize| job.grid.z_mm[cell];
+    let lowest = cells.min_by(|&a, &b| height_mm(a).total_cmp(&height_mm(b)));
+    let lowest = lowest.unwrap_or_default();
+    let most = (height_mm(lowest) / job.layer_mm + 0.5).floor().max(0.0) as u32;
+    (most, lowest)
+}
+
+fn check_height(job: &Job, pieces: &[Piece], skin_layers: u32) -> Result<(), CurvedLayersError> {
+    let (layers_max, lowest) = layers_max(job, pieces);
     if skin_layers <= layers_max {
         return Ok(());
     }
     Err(CurvedLayersError::TooLow {
         at_mm: job.grid.place(lowest).into(),
-        height_mm: height_mm(&lowest),
+        height_mm: job.grid.z_mm[lowest],
         layers: skin_layers,
         layers_max,
     })
@@ -83,12 +87,8 @@ impl Skin {
         let grid = &job.grid;
         let beyond_mm = BEYOND * job.settings.aperture.major_mm();
         let margin = (beyond_mm / grid.step_mm).ceil() as usize + 2;
-        let points = piece.cells.iter().map(|&cell| {
-            let at = grid.place(cell);
-            [at.x, at.y, grid.z_mm[cell]]
-        });
         let top = LevelSurface {
-            base: Arc::new(fitted(&points.collect::<Vec<_>>(), job)),
+            base: Arc::new(smooth_top(job, piece)),
             factor: 1.0,
             offset_mm: 0.0,
         };

@@ -10,8 +10,8 @@ use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::Region;
 use rayon::prelude::*;
 
-/// Side of the buckets that edges are sorted into, mm; and cells from one that is looked at for thickness to the next.
-const BUCKET_MM: f64 = 1.0;
+/// Side of the buckets that edges are sorted into, and from one cell that is looked at for thickness to the next, in cells.
+const BUCKET: f64 = 4.0;
 const EVERY: usize = 2;
 
 /// The volume between the top that flat layers have and the part's, mm³.
@@ -21,10 +21,10 @@ pub fn of_flat_layers(grid: &TopGrid, layer_mm: f64) -> f64 {
     off.sum::<f64>() * grid.cell_mm2()
 }
 
-fn walls(regions: &[Region]) -> Option<EdgeIndex> {
+fn walls(regions: &[Region], grid: &TopGrid) -> Option<EdgeIndex> {
     let edges = regions.iter().flat_map(Region::edges);
     let edges: Vec<Edge> = edges.map(|(a, b)| Edge { a, b }).collect();
-    (!edges.is_empty()).then(|| EdgeIndex::new(edges, BUCKET_MM))
+    (!edges.is_empty()).then(|| EdgeIndex::new(edges, BUCKET * grid.step_mm))
 }
 
 /// The volume between the top of layers, in the order that they are printed in, and the part's, mm³.
@@ -34,7 +34,7 @@ pub fn of_layers(grid: &TopGrid, layers: &[PartLayer]) -> f64 {
         .collect();
     let mut off_mm = 0.0;
     for layer in layers.iter().rev() {
-        let Some(walls) = walls(&layer.regions) else {
+        let Some(walls) = walls(&layer.regions, grid) else {
             continue;
         };
         let is_in: Vec<bool> = open
@@ -74,7 +74,7 @@ pub fn bounds(grid: &TopGrid, layers: &[PartLayer], layer_mm: f64) -> Bounds {
         let Shape::Curved { top, below } = &layer.shape else {
             return found;
         };
-        let Some(walls) = walls(&layer.regions) else {
+        let Some(walls) = walls(&layer.regions, grid) else {
             return found;
         };
         for j in (0..grid.count[1]).step_by(EVERY) {

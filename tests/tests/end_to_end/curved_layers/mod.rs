@@ -1,0 +1,5 @@
+//! Parts in curved layers: their stairs, what they lay, what is refused.
+
+mod printed;
+mod refused;
+mod stairs;
