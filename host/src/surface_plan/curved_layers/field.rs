@@ -28,7 +28,7 @@ const ROUNDS: [usize; 2] = [3, 12];
 /// Cells of the top's grid from one unknown to the next.
 const EVERY: usize = 2;
 /// How far the field goes on beyond the part, of the nozzle's half length; how near its spline is to it.
-const AROUND: f64 = 12.0;
+const AROUND: f64 = 7.0;
 const NEAR: f64 = 1e-6;
 
 /// Tops over the grid of the unknowns.

@@ -24,9 +24,11 @@ mod top_grid;
 pub use error::CurvedLayersError;
 
 use crate::geometry::polygon::Region;
+use crate::mesh::slice::Slicer;
 use crate::mesh::{Mesh, Point3};
 use crate::open_ground::OpenGround;
 use crate::plan::judge::ground_sweep::LayerSwept;
+use crate::plan::layers::shells::overhangs;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::settings::{LAYERS_MAX, Settings};
@@ -67,6 +69,8 @@ pub struct CurvedFigures {
     pub thickness: [f64; 2],
     /// Steepest slope of one, rad.
     pub slope_max_rad: f64,
+    /// What of the part hangs farther than half a bead over what is below, mm², and the worst place, input coordinates.
+    pub hanging: Option<(f64, [f64; 3])>,
     /// What was covered of curved layers.
     pub swept: Vec<LayerSwept>,
     /// Boundary that is not reached, input coordinates.
@@ -85,6 +89,8 @@ struct Job<'a> {
     mesh: Mesh,
     grid: TopGrid,
     layer_mm: f64,
+    /// Where the mesh stood, mm.
+    bed_mm: f64,
     settings: &'a Settings,
 }
 
@@ -136,6 +142,7 @@ pub fn divided(
             stair_error_mm3: [flat_mm3, stair_error_mm3],
             thickness: bounds.thickness,
             slope_max_rad: bounds.slope.atan(),
+            hanging: job.hanging(),
             ..CurvedFigures::default()
         },
         layers,
@@ -168,6 +175,7 @@ impl<'a> Job<'a> {
             mesh,
             grid,
             layer_mm,
+            bed_mm,
             settings,
         })
     }
@@ -186,6 +194,22 @@ impl<'a> Job<'a> {
     /// Whether the tool axis can follow a slope.
     fn tilts(&self) -> bool {
         self.settings.machine.kinematics != Kinematics::Planar
+    }
+
+    /// What hangs, as flat layers would have it.
+    fn hanging(&self) -> Option<(f64, [f64; 3])> {
+        let count = (self.grid.highest_mm() / self.layer_mm + 0.5).floor() as u32;
+        let middles = (0..count).map(|number| self.layer_mm * (f64::from(number) + 0.5));
+        let sections = Slicer::new(&self.mesh).sections(&middles.collect::<Vec<_>>());
+        let outlines: Vec<&[Region]> = sections.iter().map(|s| s.regions.as_slice()).collect();
+        let reach_mm = self.settings.aperture.major_mm();
+        let hanging = overhangs(&outlines, |_| Vec::new(), |_| Vec::new(), reach_mm);
+        let all_mm2: f64 = hanging.iter().map(|of_layer| of_layer.area_mm2).sum();
+        let worst = hanging.iter().enumerate();
+        let worst = worst.max_by(|a, b| a.1.area_mm2.total_cmp(&b.1.area_mm2));
+        let (number, worst) = worst.filter(|(_, worst)| worst.area_mm2 > 0.0)?;
+        let z_mm = self.bed_mm + self.layer_mm * number as f64;
+        Some((all_mm2, [worst.at.x, worst.at.y, z_mm]))
     }
 
     fn pieces(&self) -> Result<Vec<Piece>, CurvedLayersError> {

@@ -16,7 +16,7 @@ use crate::geometry::spline_surface::{SplineSurface, SurfaceJet};
 const NEAR: f64 = 0.01;
 const PITCH: f64 = 0.5;
 const COARSEST: f64 = 4.0;
-const AROUND: f64 = 12.0;
+const AROUND: f64 = 7.0;
 /// How deep the flat end of a nozzle may dip, and how far the ends of its aperture may hang, of a layer; a plan on a surface is
 /// refused at half a layer.
 const DIP: f64 = 0.45;
@@ -51,24 +51,36 @@ pub fn smooth_top(job: &Job, piece: &Piece) -> SplineSurface {
     };
     let flat_end = FlatEnd::of(job);
     let own: Vec<f64> = piece.cells.iter().map(|&cell| grid.z_mm[cell]).collect();
-    let mut surface = through(&own);
-    let folds = piece.cells.iter().map(|&cell| flat_end.is_fold(grid, cell, &surface));
+    let raw = through(&own);
+    let off = |surface: &SplineSurface| {
+        let off = piece.cells.iter().filter(|&&cell| !flat_end.lies(grid, cell, surface));
+        off.count()
+    };
+    let folds = piece.cells.iter().map(|&cell| flat_end.is_fold(grid, cell, &raw));
     let folds: Vec<bool> = folds.collect();
-    for disk in DISKS {
-        if piece.cells.iter().all(|&cell| flat_end.lies(grid, cell, &surface)) {
+    // The surface with the fewest places on which the nozzle does not lie: the planner of surfaces refuses what is left.
+    let mut best = (off(&raw), raw.clone());
+    let wanted = flat_end.disk(piece.cells.iter().map(|&cell| bend_at(grid, cell, &raw)), pitch_mm);
+    let wanted = DISKS.iter().position(|disk| *disk >= wanted);
+    for disk in &DISKS[wanted.unwrap_or(DISKS.len() - 1)..] {
+        if best.0 == 0 {
             break;
         }
         let disk_mm = disk * flat_end.tip_mm;
         let about = cells_about(grid, piece, &folds, disk_mm + grid.step_mm);
-        let means = Means::of(grid, piece, disk_mm);
+        let means = Means::of(grid, piece, &raw, disk_mm);
         let cells = piece.cells.iter().zip(&own).zip(about);
         let heights = cells.map(|((&cell, &z_mm), is_about)| match is_about {
             true => means.at(cell),
             false => z_mm,
         });
-        surface = through(&heights.collect::<Vec<_>>());
+        let surface = through(&heights.collect::<Vec<_>>());
+        let count = off(&surface);
+        if count < best.0 {
+            best = (count, surface);
+        }
     }
-    surface
+    best.1
 }
 
 /// What has to lie on the surface.
@@ -90,10 +102,16 @@ impl FlatEnd {
         }
     }
 
+    /// About the disk that the sharpest of the bends of a surface needs, of the flat end's radius: a spline bends over a fold
+    /// within its pitch.
+    fn disk(&self, bends_per_mm: impl Iterator<Item = f64>, pitch_mm: f64) -> f64 {
+        let fold = bends_per_mm.fold(0.0, f64::max) * pitch_mm;
+        fold * self.tip_mm / (4.0 * self.dip_mm)
+    }
+
     /// Whether a surface bends so much over a cell that an even bend like that would not do.
     fn is_fold(&self, grid: &TopGrid, cell: usize, surface: &SplineSurface) -> bool {
-        let at = grid.place(cell);
-        let bend = bend_per_mm(&surface.jet(at.x, at.y));
+        let bend = bend_at(grid, cell, surface);
         bend > 2.0 * self.dip_mm / (self.tip_mm * self.tip_mm) || bend > self.bend_max_per_mm
     }
 
@@ -114,6 +132,11 @@ impl FlatEnd {
     }
 }
 
+fn bend_at(grid: &TopGrid, cell: usize, surface: &SplineSurface) -> f64 {
+    let at = grid.place(cell);
+    bend_per_mm(&surface.jet(at.x, at.y))
+}
+
 /// The sharpest bend of heights whose slopes are gentle, about.
 fn bend_per_mm(jet: &SurfaceJet) -> f64 {
     let [xx, xy, yy] = jet.bend;
@@ -130,53 +153,61 @@ fn cells_about(grid: &TopGrid, piece: &Piece, is_off: &[bool], near_mm: f64) -> 
     piece.cells.iter().map(|&cell| away[cell] <= near_mm).collect()
 }
 
-/// Means over disks of a piece.
+/// Means over disks of a piece; beside it the top goes on as its surface does.
 struct Means<'a> {
     grid: &'a TopGrid,
     is_of_piece: Vec<bool>,
-    reach: isize,
+    beside: &'a SplineSurface,
     disk: f64,
 }
 
 impl Means<'_> {
-    fn of<'a>(grid: &'a TopGrid, piece: &Piece, disk_mm: f64) -> Means<'a> {
+    fn of<'a>(
+        grid: &'a TopGrid,
+        piece: &Piece,
+        beside: &'a SplineSurface,
+        disk_mm: f64,
+    ) -> Means<'a> {
         let mut is_of_piece = vec![false; grid.z_mm.len()];
         for &cell in &piece.cells {
             is_of_piece[cell] = true;
         }
-        let disk = disk_mm / grid.step_mm;
         Means {
             grid,
             is_of_piece,
-            reach: disk.floor() as isize,
-            disk,
+            beside,
+            disk: disk_mm / grid.step_mm,
         }
     }
 
-    /// Mean height of the cells about one: opposite ones only together, so that a slope stays what it is.
+    /// Mean height about a cell.
     fn at(&self, cell: usize) -> f64 {
         let [columns, rows] = self.grid.count.map(|count| count as isize);
         let (i, j) = (cell as isize % columns, cell as isize / columns);
-        let height = |di: isize, dj: isize| {
-            let (k, l) = (i + di, j + dj);
-            let is_inside = (0..columns).contains(&k) && (0..rows).contains(&l);
-            let other = (l * columns + k) as usize;
-            (is_inside && self.is_of_piece[other]).then(|| self.grid.z_mm[other])
-        };
-        let (mut sum, mut count) = (0.0, 0.0);
-        for dj in -self.reach..=self.reach {
-            for di in -self.reach..=self.reach {
+        let middle = self.grid.place(cell);
+        let reach = self.disk.floor() as isize;
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for dj in -reach..=reach {
+            for di in -reach..=reach {
                 let rest = self.disk * self.disk - (di * di + dj * dj) as f64;
                 if rest < 0.0 {
                     continue;
                 }
-                if let (Some(one), Some(other)) = (height(di, dj), height(-di, -dj)) {
-                    let weight = 1.0 / rest.max(0.5).sqrt();
-                    sum += 0.5 * weight * (one + other);
-                    count += weight;
-                }
+                let (k, l) = (i + di, j + dj);
+                let is_inside = (0..columns).contains(&k) && (0..rows).contains(&l);
+                let other = (l * columns + k) as usize;
+                let z_mm = match is_inside && self.is_of_piece[other] {
+                    true => self.grid.z_mm[other],
+                    false => {
+                        let at = middle + self.grid.step_mm * Vector2::new(di as f64, dj as f64);
+                        self.beside.jet(at.x, at.y).z_mm
+                    }
+                };
+                let weight = 1.0 / rest.max(0.5).sqrt();
+                sum += weight * z_mm;
+                weights += weight;
             }
         }
-        sum / f64::max(count, 1.0)
+        sum / weights
     }
 }

@@ -113,7 +113,7 @@ fn a_small_dome_loses_its_stairs() {
 #[ignore = "full parts, judged on fine grids: by name"]
 fn a_dome_a_wing_and_a_bracket_lose_their_stairs() {
     for (name, part, most_mm3) in [
-        ("dome", dome(1.0, 10.0, 0.5), 3.0),
+        ("dome", dome(1.0, 10.0, 0.25), 3.0),
         ("wing", wing(), 12.0),
         ("bracket", bracket(), 8.0),
     ] {
@@ -126,7 +126,7 @@ fn a_dome_a_wing_and_a_bracket_lose_their_stairs() {
 #[test]
 #[ignore = "a full part, judged on a fine grid: by name"]
 fn a_dome_in_all_curved_layers_has_fewer_of_them() {
-    let part = dome(1.0, 10.0, 0.5);
+    let part = dome(1.0, 10.0, 0.25);
     let (divided, judged) = looked_at("dome", &part, CurvedLayers::All, 0.1);
     assert!(judged.stairs_mm3 <= 3.0, "{judged:?}");
     // Flat ones are 64.
