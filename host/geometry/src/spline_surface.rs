@@ -117,6 +117,11 @@ impl SplineSurface {
         }
     }
 
+    /// The surface over `bounds` through `points` on the grid of one pitch. `None` without points.
+    pub fn on_grid(points: &[[f64; 3]], bounds: Box2, pitch_mm: f64) -> Option<SplineSurface> {
+        (!points.is_empty()).then(|| SplineSurface::fitted(points, bounds, pitch_mm))
+    }
+
     /// The plane z = 0 over `bounds`.
     pub fn level(bounds: Box2, pitch_mm: f64) -> SplineSurface {
         let size = bounds.size();

@@ -83,7 +83,7 @@ fn other_option(
     }
     let is_sparse = settings.infill.is_some_and(|infill| !infill.is_solid());
     (is_sparse || settings_args.layers.is_some()).then(|| match is_sparse {
-        true => "--curved-layers prints solid parts: give --infill 100, or leave it out".to_string(),
+        true => "--curved-layers prints solid parts: leave --infill-density out, or give 100".to_string(),
         false => "--layers goes with outlines: a mesh has its own".to_string(),
     })
 }

@@ -7,9 +7,8 @@ use super::error::CurvedLayersError;
 use super::field::{THICKNESS, thickness};
 use super::layer_shape::{Below, LevelSurface, PartLayer, Shape};
 use super::sections::sections;
-use super::smooth_top::smooth_top;
+use super::smooth_top::FollowedTop;
 use super::stair_error::Bounds;
-use super::top_grid::Piece;
 use super::Job;
 use crate::mesh::Point3;
 use std::sync::Arc;
@@ -19,17 +18,16 @@ const THICKNESS_SLACK: f64 = 0.02;
 const SLOPE_SLACK: f64 = 1.05;
 
 /// The layers.
-pub fn curved_throughout(job: &Job, pieces: &[Piece]) -> Vec<PartLayer> {
+pub fn curved_throughout(job: &Job, followed: &[FollowedTop]) -> Vec<PartLayer> {
     let layer_mm = job.layer_mm;
     let mut tops = vec![None; job.grid.z_mm.len()];
-    for (number, piece) in pieces.iter().enumerate() {
-        let top = smooth_top(job, piece);
-        for &cell in &piece.cells {
+    for (number, top) in followed.iter().enumerate() {
+        for &cell in &top.piece.cells {
             let at = job.grid.place(cell);
-            tops[cell] = Some((number, top.jet(at.x, at.y).z_mm));
+            tops[cell] = Some((number, top.surface.jet(at.x, at.y).z_mm));
         }
     }
-    let thick = Arc::new(thickness(job, pieces.len(), &tops));
+    let thick = Arc::new(thickness(job, followed.len(), &tops));
     // As many layers as have their middle in the part, in height above the bed over thickness.
     let height = |p: &Point3| p.z / thick.jet(p.x, p.y).z_mm.max(0.1);
     let cells = (0..job.grid.z_mm.len()).filter(|&cell| !job.grid.z_mm[cell].is_nan());

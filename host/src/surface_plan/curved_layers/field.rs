@@ -27,9 +27,8 @@ const WITHIN: f64 = 0.98;
 const ROUNDS: [usize; 2] = [3, 12];
 /// Cells of the top's grid from one unknown to the next.
 const EVERY: usize = 2;
-/// How far the field goes on beyond the part, of the nozzle's half length; how near its spline is to it.
+/// How far the field goes on beyond the part, of the nozzle's half length.
 const AROUND: f64 = 7.0;
-const NEAR: f64 = 1e-6;
 
 /// Tops over the grid of the unknowns.
 struct Nodes {
@@ -61,13 +60,8 @@ pub fn thickness(job: &Job, pieces: usize, tops: &[Option<(usize, f64)>]) -> Spl
     let corners: Vec<Point2> = points.iter().map(|p| Point2::new(p[0], p[1])).collect();
     let bounds = Box2::of(&corners).grown(around_mm);
     let pitch_mm = nodes.grid.step_mm;
-    // Halving leads to the unknowns' own step.
-    let size = bounds.size();
-    let side_mm = size.x.max(size.y);
-    let wide_mm = 4.0 * pitch_mm * (side_mm / (4.0 * pitch_mm)).log2().ceil().exp2();
-    let wide = bounds.grown(0.5 * (wide_mm - side_mm).max(0.0));
-    let fitted = SplineSurface::through(&points, wide, NEAR, 0.99 * pitch_mm);
-    fitted.map_or_else(|| SplineSurface::level(wide, pitch_mm), |fitted| fitted.surface)
+    let fitted = SplineSurface::on_grid(&points, bounds, pitch_mm);
+    fitted.unwrap_or_else(|| SplineSurface::level(bounds, pitch_mm))
 }
 
 impl Nodes {

@@ -28,8 +28,7 @@ use crate::surface_plan::{ChartJob, SurfaceError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
 use nalgebra::Vector3;
 
-/// How far the ground of a curved layer may be off where it is wanted, of a layer, and its least pitch, of the unit.
-const NEAR: f64 = 0.001;
+/// Pitch of the ground of a curved layer, of the unit.
 const PITCH: f64 = 0.5;
 
 /// What was planned of one or more layers.
@@ -271,13 +270,13 @@ fn ground_below(top: &LevelSurface, bounds: Box2, settings: &Settings) -> Fitted
         [below.x, below.y, below.z]
     });
     let points: Vec<[f64; 3]> = points.collect();
-    let fitted = SplineSurface::through(&points, bounds, NEAR * layer_mm, pitch_mm);
-    // There are points: the box has corners.
-    fitted.unwrap_or_else(|| FittedSurface {
-        surface: SplineSurface::level(bounds, pitch_mm),
+    let fitted = SplineSurface::on_grid(&points, bounds, pitch_mm);
+    FittedSurface {
+        // There are points: the box has corners.
+        surface: fitted.unwrap_or_else(|| SplineSurface::level(bounds, pitch_mm)),
         off_mm: 0.0,
         off_at: [0.0; 3],
-    })
+    }
 }
 
 fn routed(

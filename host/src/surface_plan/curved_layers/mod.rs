@@ -36,6 +36,8 @@ use crate::{Plan, PlanError};
 use headway_firmware::configuration::Kinematics;
 use super::laid_ground::open_places;
 use layer_shape::PartLayer;
+use rayon::prelude::*;
+use smooth_top::FollowedTop;
 use stair_error::Bounds;
 use top_grid::{Piece, TopGrid};
 
@@ -225,13 +227,14 @@ impl<'a> Job<'a> {
     }
 
     fn divided(&self, asked: CurvedLayers) -> Result<Division, CurvedLayersError> {
-        let pieces = self.pieces()?;
-        let skin = |count: u32| Ok(self.judged(skin::layers_with_skin(self, &pieces, count)?));
-        let usual = SKIN_LAYERS.min(skin::layers_max(self, &pieces).0).max(1);
+        let pieces = self.pieces()?.into_par_iter();
+        let tops: Vec<FollowedTop> = pieces.map(|piece| FollowedTop::of(self, piece)).collect();
+        let skin = |count: u32| Ok(self.judged(skin::layers_with_skin(self, &tops, count)?));
+        let usual = SKIN_LAYERS.min(skin::layers_max(self, &tops).0).max(1);
         match asked {
             CurvedLayers::Skin(count) => skin(count),
-            CurvedLayers::All => self.all(&pieces),
-            CurvedLayers::Auto => match (skin(usual), self.all(&pieces)) {
+            CurvedLayers::All => self.all(&tops),
+            CurvedLayers::Auto => match (skin(usual), self.all(&tops)) {
                 (Ok(skin), Ok(all)) => Ok(self.better(skin, all)),
                 (skin, Err(_)) => skin,
                 (Err(_), all) => all,
@@ -239,8 +242,8 @@ impl<'a> Job<'a> {
         }
     }
 
-    fn all(&self, pieces: &[Piece]) -> Result<Division, CurvedLayersError> {
-        let all = self.judged(all_curved::curved_throughout(self, pieces));
+    fn all(&self, tops: &[FollowedTop]) -> Result<Division, CurvedLayersError> {
+        let all = self.judged(all_curved::curved_throughout(self, tops));
         all_curved::check(&all.bounds, self.slope_max())?;
         Ok(all)
     }

@@ -8,9 +8,9 @@
 use super::error::CurvedLayersError;
 use super::layer_shape::{Below, LevelSurface, PartLayer, Shape};
 use super::sections::{above, sections};
-use super::top_grid::{Piece, TopGrid};
+use super::top_grid::TopGrid;
 use super::Job;
-use super::smooth_top::smooth_top;
+use super::smooth_top::FollowedTop;
 use crate::geometry::boolean::{difference, intersection};
 use crate::geometry::polygon::Region;
 use crate::mesh::Point3;
@@ -37,15 +37,15 @@ struct Skin {
 /// Where the part is too low for it.
 pub fn layers_with_skin(
     job: &Job,
-    pieces: &[Piece],
+    tops: &[FollowedTop],
     skin_layers: u32,
 ) -> Result<Vec<PartLayer>, CurvedLayersError> {
     let layer_mm = job.layer_mm;
-    check_height(job, pieces, skin_layers)?;
+    check_height(job, tops, skin_layers)?;
     let mut taken: Vec<Region> = Vec::new();
     let mut skins = Vec::new();
-    for piece in pieces {
-        let skin = Skin::of(job, piece, skin_layers, &taken);
+    for top in tops {
+        let skin = Skin::of(job, top, skin_layers, &taken);
         taken.extend(skin.zone.iter().cloned());
         skins.push(skin);
     }
@@ -60,8 +60,8 @@ pub fn layers_with_skin(
 }
 
 /// How many curved layers fit over the lowest place of pieces, and that place.
-pub fn layers_max(job: &Job, pieces: &[Piece]) -> (u32, usize) {
-    let cells = pieces.iter().flat_map(|piece| piece.cells.iter().copied());
+pub fn layers_max(job: &Job, tops: &[FollowedTop]) -> (u32, usize) {
+    let cells = tops.iter().flat_map(|top| top.piece.cells.iter().copied());
     let height_mm = |cell: usize| job.grid.z_mm[cell];
     let lowest = cells.min_by(|&a, &b| height_mm(a).total_cmp(&height_mm(b)));
     let lowest = lowest.unwrap_or_default();
@@ -69,8 +69,8 @@ pub fn layers_max(job: &Job, pieces: &[Piece]) -> (u32, usize) {
     (most, lowest)
 }
 
-fn check_height(job: &Job, pieces: &[Piece], skin_layers: u32) -> Result<(), CurvedLayersError> {
-    let (layers_max, lowest) = layers_max(job, pieces);
+fn check_height(job: &Job, tops: &[FollowedTop], skin_layers: u32) -> Result<(), CurvedLayersError> {
+    let (layers_max, lowest) = layers_max(job, tops);
     if skin_layers <= layers_max {
         return Ok(());
     }
@@ -83,12 +83,13 @@ fn check_height(job: &Job, pieces: &[Piece], skin_layers: u32) -> Result<(), Cur
 }
 
 impl Skin {
-    fn of(job: &Job, piece: &Piece, skin_layers: u32, taken: &[Region]) -> Skin {
+    fn of(job: &Job, followed: &FollowedTop, skin_layers: u32, taken: &[Region]) -> Skin {
+        let piece = &followed.piece;
         let grid = &job.grid;
         let beyond_mm = BEYOND * job.settings.aperture.major_mm();
         let margin = (beyond_mm / grid.step_mm).ceil() as usize + 2;
         let top = LevelSurface {
-            base: Arc::new(smooth_top(job, piece)),
+            base: Arc::clone(&followed.surface),
             factor: 1.0,
             offset_mm: 0.0,
         };

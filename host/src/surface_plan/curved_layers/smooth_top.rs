@@ -8,14 +8,13 @@
 use super::Job;
 use super::top_grid::{Piece, TopGrid};
 use crate::geometry::Vector2;
+use crate::geometry::chart::{Chart, sharpest_bend_per_mm};
 use crate::geometry::polygon::Box2;
-use crate::geometry::spline_surface::{SplineSurface, SurfaceJet};
+use crate::geometry::spline_surface::SplineSurface;
+use std::sync::Arc;
 
-/// A smooth top is as coarse as it may be while it is this near to the mesh, of a layer; its least pitch, of the unit; pieces of a
-/// spline's coarsest grid; and how far it goes on beyond a piece, of the nozzle's half length.
-const NEAR: f64 = 0.01;
+/// Pitch of a smooth top, of the unit, and how far it goes on beyond a piece, of the nozzle's half length.
 const PITCH: f64 = 0.5;
-const COARSEST: f64 = 4.0;
 const AROUND: f64 = 7.0;
 /// How deep the flat end of a nozzle may dip, and how far the ends of its aperture may hang, of a layer; a plan on a surface is
 /// refused at half a layer.
@@ -26,18 +25,31 @@ const DISKS: [f64; 8] = [0.6, 0.68, 0.76, 0.85, 1.0, 1.2, 1.5, 2.0];
 /// Directions in which a dip is looked for.
 const DIRECTIONS: usize = 8;
 
+/// A piece of the top and the smooth surface that is followed there.
+pub struct FollowedTop {
+    /// Its cells.
+    pub piece: Piece,
+    /// Heights above the bed, mm.
+    pub surface: Arc<SplineSurface>,
+}
+
+impl FollowedTop {
+    /// Of a piece.
+    pub fn of(job: &Job, piece: Piece) -> FollowedTop {
+        FollowedTop {
+            surface: Arc::new(smooth_top(job, &piece)),
+            piece,
+        }
+    }
+}
+
 /// A smooth top through the cells of a piece.
-pub fn smooth_top(job: &Job, piece: &Piece) -> SplineSurface {
+fn smooth_top(job: &Job, piece: &Piece) -> SplineSurface {
     let grid = &job.grid;
     let around_mm = AROUND * job.settings.aperture.major_mm();
     let corners = piece.cells.iter().map(|&cell| grid.place(cell));
     let bounds = Box2::of(&corners.collect::<Vec<_>>()).grown(around_mm);
     let pitch_mm = (PITCH * job.settings.aperture.unit_mm()).max(2.0 * grid.step_mm);
-    // A box as wide as the pitch times a power of two: halving leads to the pitch itself.
-    let size = bounds.size();
-    let side_mm = size.x.max(size.y);
-    let halvings = (side_mm / (COARSEST * pitch_mm)).log2().ceil();
-    let wide = bounds.grown(0.5 * (COARSEST * pitch_mm * halvings.exp2() - side_mm).max(0.0));
     let through = |heights: &[f64]| {
         let cells = piece.cells.iter().zip(heights);
         let points = cells.map(|(&cell, &z_mm)| {
@@ -45,9 +57,9 @@ pub fn smooth_top(job: &Job, piece: &Piece) -> SplineSurface {
             [at.x, at.y, z_mm]
         });
         let points: Vec<[f64; 3]> = points.collect();
-        let fitted = SplineSurface::through(&points, wide, NEAR * job.layer_mm, 0.99 * pitch_mm);
+        let fitted = SplineSurface::on_grid(&points, bounds, pitch_mm);
         // There are points: a piece has cells.
-        fitted.map_or_else(|| SplineSurface::level(wide, pitch_mm), |fitted| fitted.surface)
+        fitted.unwrap_or_else(|| SplineSurface::level(bounds, pitch_mm))
     };
     let flat_end = FlatEnd::of(job);
     let own: Vec<f64> = piece.cells.iter().map(|&cell| grid.z_mm[cell]).collect();
@@ -118,29 +130,24 @@ impl FlatEnd {
     /// Whether it lies on a surface over a cell.
     fn lies(&self, grid: &TopGrid, cell: usize, surface: &SplineSurface) -> bool {
         let at = grid.place(cell);
-        let jet = surface.jet(at.x, at.y);
-        let bend = bend_per_mm(&jet);
+        let jet = SplineSurface::jet(surface, at.x, at.y);
+        let bend = bend_at(grid, cell, surface);
         let lean = (1.0 + jet.slope[0].powi(2) + jet.slope[1].powi(2)).sqrt();
         bend <= self.bend_max_per_mm
             && (0..DIRECTIONS).all(|k| {
                 let turn = k as f64 / DIRECTIONS as f64 * std::f64::consts::TAU;
                 let step = self.tip_mm * Vector2::new(turn.cos(), turn.sin());
-                let to = surface.jet(at.x + step.x, at.y + step.y).z_mm;
+                let to = SplineSurface::jet(surface, at.x + step.x, at.y + step.y).z_mm;
                 let rise_mm = step.x * jet.slope[0] + step.y * jet.slope[1];
                 (to - jet.z_mm - rise_mm) / lean <= self.dip_mm
             })
     }
 }
 
+/// How sharply a surface bends over a cell, 1/mm.
 fn bend_at(grid: &TopGrid, cell: usize, surface: &SplineSurface) -> f64 {
     let at = grid.place(cell);
-    bend_per_mm(&surface.jet(at.x, at.y))
-}
-
-/// The sharpest bend of heights whose slopes are gentle, about.
-fn bend_per_mm(jet: &SurfaceJet) -> f64 {
-    let [xx, xy, yy] = jet.bend;
-    (0.5 * (xx + yy)).abs() + (0.5 * (xx - yy)).hypot(xy)
+    sharpest_bend_per_mm(&Chart::jet(surface, at)).abs()
 }
 
 /// The cells of a piece that are so near to some of them.
@@ -200,7 +207,7 @@ impl Means<'_> {
                     true => self.grid.z_mm[other],
                     false => {
                         let at = middle + self.grid.step_mm * Vector2::new(di as f64, dj as f64);
-                        self.beside.jet(at.x, at.y).z_mm
+                        SplineSurface::jet(self.beside, at.x, at.y).z_mm
                     }
                 };
                 let weight = 1.0 / rest.max(0.5).sqrt();

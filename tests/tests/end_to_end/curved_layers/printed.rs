@@ -116,8 +116,8 @@ fn printed(settings: &Settings, asked: CurvedLayers) -> Plan {
     let covered = 0.01 * plan.figures.covered_pct;
     assert!((covered - 0.01..1.005).contains(&share), "{share}");
     assert!(plan.figures.covered_pct > 98.5, "{:?}", plan.figures);
-    // A flat nozzle on a ball of R 18 is 10 um off it at its ends.
-    assert!(stairs_mm3 < 0.25 * flat_mm3, "{stairs_mm3} {flat_mm3}");
+    // Of the rest 0.8 mm³ is the rounded foot (below), 0.3 the flat nozzle on a ball of R 18, 3 um off it in the mean.
+    assert!(stairs_mm3 < flat_mm3 / 3.0, "{stairs_mm3} {flat_mm3}");
     assert!(plan.touches.as_ref().is_none_or(|touches| touches.deepest.is_empty()), "{:?}", plan.touches);
     assert_printed(&plan, settings);
     plan

@@ -102,11 +102,12 @@ fn looked_at(name: &str, part: &CurvedPart, asked: CurvedLayers, cell_mm: f64) -
     (divided, judged)
 }
 
-/// A dome a third as large, within a second.
+/// A dome a third as large. Its foot is a fold of 17.5°, 34 mm long, which is rounded over 1.4 mm for the nozzle's flat end of
+/// R 0.8: d w² / 24 a length, 0.8 mm³.
 #[test]
 fn a_small_dome_loses_its_stairs() {
     let (_, judged) = looked_at("small dome", &dome(0.3, 1.0, 0.25), CurvedLayers::Skin(3), 0.1);
-    assert!(judged.stairs_mm3 < 0.15 * judged.flat_mm3, "{judged:?}");
+    assert!(judged.stairs_mm3 < 0.2 * judged.flat_mm3, "{judged:?}");
 }
 
 #[test]
