@@ -1,5 +1,5 @@
-//! Parts with curved tops by formulas, as closed meshes, and how far layers stand off them: an evaluator of its own, which shares
-//! no code with what it checks.
+//! Parts with curved tops by formulas, as closed meshes, and how far layers stand off them: an evaluator of its own,
+//! which shares no code with what it checks.
 
 use headway::geometry::Point2;
 use headway::geometry::polygon::Region;
@@ -20,7 +20,11 @@ fn solid(columns: usize, rows: usize, place: impl Fn(usize, usize) -> [f64; 3]) 
     let top: Vec<[f64; 3]> = top.collect();
     let bottom = top.iter().map(|[x, y, _]| Point3::new(*x, *y, 0.0));
     let mut mesh = Mesh {
-        vertices: top.iter().map(|[x, y, z]| Point3::new(*x, *y, *z)).chain(bottom).collect(),
+        vertices: top
+            .iter()
+            .map(|[x, y, z]| Point3::new(*x, *y, *z))
+            .chain(bottom)
+            .collect(),
         triangles: Vec::new(),
     };
     let count = (columns * rows) as u32;
@@ -36,7 +40,11 @@ fn solid(columns: usize, rows: usize, place: impl Fn(usize, usize) -> [f64; 3]) 
     let rim = (0..columns - 1)
         .map(|i| [at(i, 0), at(i + 1, 0)])
         .chain((0..rows - 1).map(|j| [at(columns - 1, j), at(columns - 1, j + 1)]))
-        .chain((0..columns - 1).rev().map(|i| [at(i + 1, rows - 1), at(i, rows - 1)]))
+        .chain(
+            (0..columns - 1)
+                .rev()
+                .map(|i| [at(i + 1, rows - 1), at(i, rows - 1)]),
+        )
         .chain((0..rows - 1).rev().map(|j| [at(0, j + 1), at(0, j)]));
     for [a, b] in rim.collect::<Vec<_>>() {
         quad(count + a, count + b, b, a);
@@ -72,7 +80,9 @@ pub fn wing() -> CurvedPart {
     let chord = |x: f64| 30.0 - 0.2 * x;
     let thick = move |x: f64, u: f64| {
         let (u2, u3) = (u * u, u * u * u);
-        0.6 + 1.2 * chord(x) * (0.2969 * u.sqrt() - 0.126 * u - 0.3516 * u2 + 0.2843 * u3 - 0.1036 * u2 * u2)
+        0.6 + 1.2
+            * chord(x)
+            * (0.2969 * u.sqrt() - 0.126 * u - 0.3516 * u2 + 0.2843 * u3 - 0.1036 * u2 * u2)
     };
     let (columns, rows) = (121, 121);
     let mesh = solid(columns, rows, |i, k| {
@@ -95,7 +105,9 @@ pub fn wing() -> CurvedPart {
 pub fn bracket() -> CurvedPart {
     let slope = 6.5f64.to_radians().tan();
     let foot = ring_plate([0.0, 14.0], 30.0, [7.0, 15.0, 2.5], |_, _| 4.13);
-    let ramp = ring_plate([14.0, 50.0], 30.0, [34.0, 15.0, 5.0], move |x, _| 6.07 + (x - 14.0) * slope);
+    let ramp = ring_plate([14.0, 50.0], 30.0, [34.0, 15.0, 5.0], move |x, _| {
+        6.07 + (x - 14.0) * slope
+    });
     CurvedPart {
         mesh: united(foot, ramp),
         top_mm: Box::new(move |x, y| {
@@ -119,8 +131,15 @@ fn ring_plate(
     top: impl Fn(f64, f64) -> f64,
 ) -> Mesh {
     // Directions through the corners, and as many more between them.
-    let mut turns: Vec<f64> = (0..96).map(|k| std::f64::consts::TAU * f64::from(k) / 96.0).collect();
-    for (x, y) in [(x_mm[0], 0.0), (x_mm[1], 0.0), (x_mm[1], width_mm), (x_mm[0], width_mm)] {
+    let mut turns: Vec<f64> = (0..96)
+        .map(|k| std::f64::consts::TAU * f64::from(k) / 96.0)
+        .collect();
+    for (x, y) in [
+        (x_mm[0], 0.0),
+        (x_mm[1], 0.0),
+        (x_mm[1], width_mm),
+        (x_mm[0], width_mm),
+    ] {
         turns.push((y - cy).atan2(x - cx).rem_euclid(std::f64::consts::TAU));
     }
     turns.sort_by(f64::total_cmp);
@@ -140,8 +159,14 @@ fn ring_plate(
                 to(0.0, cy, sin),
                 to(width_mm, cy, sin),
             ];
-            let way = ways.into_iter().filter(|way| *way > 0.0).fold(f64::INFINITY, f64::min);
-            [[cx + radius_mm * cos, cy + radius_mm * sin], [cx + way * cos, cy + way * sin]]
+            let way = ways
+                .into_iter()
+                .filter(|way| *way > 0.0)
+                .fold(f64::INFINITY, f64::min);
+            [
+                [cx + radius_mm * cos, cy + radius_mm * sin],
+                [cx + way * cos, cy + way * sin],
+            ]
         })
         .collect();
     let mut mesh = Mesh::default();
@@ -154,7 +179,8 @@ fn ring_plate(
     // Four vertices a direction: inner top, inner bottom, outer top, outer bottom.
     for k in 0..count {
         let (here, next) = (4 * k as u32, 4 * ((k + 1) % count) as u32);
-        let mut quad = |a: u32, b: u32, c: u32, d: u32| mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        let mut quad =
+            |a: u32, b: u32, c: u32, d: u32| mesh.triangles.extend([[a, b, c], [a, c, d]]);
         quad(here, here + 2, next + 2, next);
         quad(here + 1, next + 1, next + 3, here + 3);
         quad(here + 2, here + 3, next + 3, next + 2);
@@ -167,7 +193,12 @@ fn ring_plate(
 fn united(mut one: Mesh, other: Mesh) -> Mesh {
     let first = one.vertices.len() as u32;
     one.vertices.extend(other.vertices);
-    one.triangles.extend(other.triangles.iter().map(|t| t.map(|vertex| vertex + first)));
+    one.triangles.extend(
+        other
+            .triangles
+            .iter()
+            .map(|t| t.map(|vertex| vertex + first)),
+    );
     one
 }
 

@@ -1,8 +1,9 @@
 //! Symmetric positive definite systems within their envelope, by LLᵀ.
 //!
-//! In: the first column of each row, entries on and below the diagonal, a right side. Out: the solution. The envelope fills up and does
-//! not grow, so that the order of the unknowns decides what it costs. Source: Golub and Van Loan, "Matrix Computations" (2013),
-//! 4.3. Leaves out pivoting: a pivot that rounding has brought to 0 is taken as the least positive number.
+//! In: the first column of each row, entries on and below the diagonal, a right side. Out: the solution. The envelope
+//! fills up and does not grow, so that the order of the unknowns decides what it costs. Source: Golub and Van Loan,
+//! "Matrix Computations" (2013), 4.3. Leaves out pivoting: a pivot that rounding has brought to 0 is taken as the least
+//! positive number.
 
 /// Normal equations in their envelope: row i has the columns from `first[i]` to i.
 #[derive(Clone, Debug)]
@@ -30,8 +31,8 @@ impl Envelope {
         Envelope::new((0..count).map(|row| row.saturating_sub(width)).collect())
     }
 
-    /// Adds the square of a sum of unknowns, each times its factor, less a target: weight (sum - target)². All of them lie within
-    /// the envelope of the last.
+    /// Adds the square of a sum of unknowns, each times its factor, less a target: weight (sum - target)². All of them
+    /// lie within the envelope of the last.
     pub fn add_square(&mut self, terms: &[(usize, f64)], target: f64, weight: f64) {
         for &(row, p) in terms {
             self.right[row] += weight * p * target;

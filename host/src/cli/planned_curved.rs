@@ -23,7 +23,7 @@ pub(super) fn from_mesh(
     console: &Console,
 ) -> Result<Planned, CliError> {
     let asked = asked(place.curved_layers.as_deref().unwrap_or_default())?;
-    if let Some(problem) = other_option(&loaded, place, settings_args, &settings) {
+    if let Some(problem) = other_option(&loaded, place, settings_args) {
         return Err(CliError::Usage(problem));
     }
     let (bar, begun) = (console.planning(), Instant::now());
@@ -35,12 +35,24 @@ pub(super) fn from_mesh(
         name: loaded.name,
         regions: Vec::new(),
     };
-    Ok(finished(plan, plan_s, target, loaded.notes, settings, console))
+    Ok(finished(
+        plan,
+        plan_s,
+        target,
+        loaded.notes,
+        settings,
+        console,
+    ))
 }
 
 /// Which layers are to be curved.
 fn asked(text: &str) -> Result<CurvedLayers, CliError> {
-    let skin = |count: &str| count.parse().ok().filter(|count| (1..=SKIN_LAYERS_MAX).contains(count));
+    let skin = |count: &str| {
+        count
+            .parse()
+            .ok()
+            .filter(|count| (1..=SKIN_LAYERS_MAX).contains(count))
+    };
     let asked = match text.split_once(':') {
         None if text == "auto" => Some(CurvedLayers::Auto),
         None if text == "all" => Some(CurvedLayers::All),
@@ -60,7 +72,6 @@ fn other_option(
     loaded: &LoadedMesh,
     place: &PlaceArgs,
     settings_args: &SettingsArgs,
-    settings: &Settings,
 ) -> Option<String> {
     let layers = &place.layers;
     let given = [
@@ -74,16 +85,15 @@ fn other_option(
     ];
     let given = given.iter().find(|(_, given)| *given);
     if let Some((option, _)) = given {
-        return Some(format!("{option} does not go with --curved-layers: leave one of them out"));
+        return Some(format!(
+            "{option} does not go with --curved-layers: leave one of them out"
+        ));
     }
     if !loaded.carved.is_empty() {
         return Some(
             "--curved-layers: the file cuts volumes away from its objects; export the part as one mesh".to_string(),
         );
     }
-    let is_sparse = settings.infill.is_some_and(|infill| !infill.is_solid());
-    (is_sparse || settings_args.layers.is_some()).then(|| match is_sparse {
-        true => "--curved-layers prints solid parts: leave --infill-density out, or give 100".to_string(),
-        false => "--layers goes with outlines: a mesh has its own".to_string(),
-    })
+    let has_layers = settings_args.layers.is_some();
+    has_layers.then(|| "--layers goes with outlines: a mesh has its own".to_string())
 }

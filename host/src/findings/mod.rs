@@ -65,7 +65,12 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
     let mut warnings = warnings(plan, &unreachable, settings);
     let open = match (&plan.on_surface, &plan.curved_layers) {
         (Some(laid), _) => laid.open_ground(),
-        (_, Some(curved)) => curved.open_ground(),
+        (_, Some(curved)) => {
+            let mut open = curved.open_ground();
+            open.extend(open_ground(plan, settings));
+            open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+            open
+        }
         _ => open_ground(plan, settings),
     };
     let all_mm2 = told_mm2(&open, settings);

@@ -114,7 +114,7 @@ fn leans(plan: &Plan) -> Option<String> {
 /// That nobody looked for touches, where a head that tilts has no shape.
 fn head_unknown(plan: &Plan, settings: &Settings) -> Option<String> {
     let tilts = settings.machine.kinematics != Kinematics::Planar;
-    let is_run = plan.kinds.is_empty();
+    let is_run = plan.kinds.is_empty() || plan.curved_layers.is_some();
     (plan.touches.is_none() && tilts && is_run).then(|| {
         String::from(
             "whether the head touches table or print was not looked at: its shape is not in the \

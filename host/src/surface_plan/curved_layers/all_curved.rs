@@ -1,15 +1,16 @@
 //! The layers of a part that are all curved.
 //!
 //! In: the mesh, which stands on z = 0 (mm), the smooth tops of its pieces. Out: layers upwards, layer n where the field
-//! ([`super::field`]) has n; or why not, where it cannot keep layers between half and one and a half times as thick, or gentle enough.
+//! ([`super::field`]) has n; or why not, where it cannot keep layers between half and one and a half times as thick, or
+//! gentle enough.
 
+use super::Job;
 use super::error::CurvedLayersError;
 use super::field::{THICKNESS, thickness};
 use super::layer_shape::{Below, LevelSurface, PartLayer, Shape};
 use super::sections::sections;
 use super::smooth_top::FollowedTop;
 use super::stair_error::Bounds;
-use super::Job;
 use crate::mesh::Point3;
 use std::sync::Arc;
 
@@ -36,7 +37,9 @@ pub fn curved_throughout(job: &Job, followed: &[FollowedTop]) -> Vec<PartLayer> 
         height(&Point3::new(at.x, at.y, job.grid.z_mm[cell]))
     });
     let count = (tops.fold(0.0, f64::max) / layer_mm + 0.5).floor() as u32;
-    let middles: Vec<f64> = (0..count).map(|number| layer_mm * (f64::from(number) + 0.5)).collect();
+    let middles: Vec<f64> = (0..count)
+        .map(|number| layer_mm * (f64::from(number) + 0.5))
+        .collect();
     let level = |number: u32| LevelSurface {
         base: Arc::clone(&thick),
         factor: layer_mm * f64::from(number),

@@ -60,8 +60,26 @@ pub enum CurvedLayersError {
         /// What is allowed.
         most_deg: f64,
     },
+    /// A sparse inside with layers that are all curved.
+    #[error(
+        "--curved-layers all prints solid parts: use skin, which may have a sparse inside, or leave --infill-density out"
+    )]
+    SparseAll,
+    /// An inside that does not hold what is above it.
+    #[error(
+        "--curved-layers: an infill of {density_pct} % does not hold solid layers above it, and no bridges are made under curved \
+         ones: give --infill-density {least_pct:.0} or more"
+    )]
+    Hollow {
+        /// What was asked for.
+        density_pct: f64,
+        /// What is needed.
+        least_pct: f64,
+    },
     /// More layers than a job has.
-    #[error("--curved-layers: {layers} layers, and a job has at most {most}: use a greater --layer-height")]
+    #[error(
+        "--curved-layers: {layers} layers, and a job has at most {most}: use a greater --layer-height"
+    )]
     TooManyLayers {
         /// How many there would be.
         layers: f64,

@@ -1,10 +1,10 @@
 //! All layers curved: one smooth function by whose whole values the layers run from the flat bed to the tops.
 //!
-//! In: tops of the pieces over a grid (mm), the steepest slope. Out: f(x, y) by which layer n lies at n t f. With H the greatest
-//! height and s = H (1 - 1/f) the function h = z - s z / H is a whole number of layers on a top, 0 on the bed, and its level surfaces
-//! are the layers. s is the least of the squares of: what a top is off its whole layer; second differences of s; s itself, a
-//! little. Thickness f within its bounds and the slope of s are targets that weigh more each round they are broken (iteratively
-//! reweighted least squares); a round is one solution of a banded system.
+//! In: tops of the pieces over a grid (mm), the steepest slope. Out: f(x, y) by which layer n lies at n t f. With H the
+//! greatest height and s = H (1 - 1/f) the function h = z - s z / H is a whole number of layers on a top, 0 on the bed,
+//! and its level surfaces are the layers. s is the least of the squares of: what a top is off its whole layer; second
+//! differences of s; s itself, a little. Thickness f within its bounds and the slope of s are targets that weigh more
+//! each round they are broken (iteratively reweighted least squares); a round is one solution of a banded system.
 
 use super::Job;
 use super::top_grid::TopGrid;
@@ -79,11 +79,16 @@ impl Nodes {
             let is_inside = i < cells.count[0] && j < cells.count[1];
             let cell = is_inside.then_some(j * cells.count[0] + i);
             let top = cell.and_then(|cell| tops[cell]);
-            grid.z_mm.push(cell.map_or(f64::NAN, |cell| cells.z_mm[cell]));
+            grid.z_mm
+                .push(cell.map_or(f64::NAN, |cell| cells.z_mm[cell]));
             piece.push(top.map(|(piece, _)| piece));
             top_mm.push(top.map_or(f64::NAN, |(_, top_mm)| top_mm));
         }
-        Nodes { grid, piece, top_mm }
+        Nodes {
+            grid,
+            piece,
+            top_mm,
+        }
     }
 
     fn count(&self) -> usize {
@@ -108,13 +113,7 @@ impl Nodes {
     }
 }
 
-fn solved(
-    nodes: &Nodes,
-    pieces: usize,
-    height_mm: f64,
-    layer_mm: f64,
-    slope_max: f64,
-) -> Vec<f64> {
+fn solved(nodes: &Nodes, pieces: usize, height_mm: f64, layer_mm: f64, slope_max: f64) -> Vec<f64> {
     let mut s_mm = vec![0.0; nodes.count()];
     let mut weights = Weights {
         slope: [vec![0.0; nodes.count()], vec![0.0; nodes.count()]],
@@ -127,10 +126,24 @@ fn solved(
         let levels_mm = levels_mm(nodes, pieces, &s_mm, height_mm, layer_mm);
         let mut system = Envelope::banded(nodes.count(), 2 * nodes.grid.count[0]);
         for node in 0..nodes.count() {
-            add_top(&mut system, nodes, node, (&s_mm, round), &levels_mm, [height_mm, layer_mm]);
+            add_top(
+                &mut system,
+                nodes,
+                node,
+                (&s_mm, round),
+                &levels_mm,
+                [height_mm, layer_mm],
+            );
             add_smoothness(&mut system, nodes, node);
         }
-        let is_broken = add_targets(&mut system, nodes, &s_mm, &mut weights, bounds_mm, slope_max);
+        let is_broken = add_targets(
+            &mut system,
+            nodes,
+            &s_mm,
+            &mut weights,
+            bounds_mm,
+            slope_max,
+        );
         if round >= ROUNDS[0] && !is_broken {
             break;
         }
@@ -140,7 +153,13 @@ fn solved(
 }
 
 /// The whole layer that the top of each piece is nearest to.
-fn levels_mm(nodes: &Nodes, pieces: usize, s_mm: &[f64], height_mm: f64, layer_mm: f64) -> Vec<f64> {
+fn levels_mm(
+    nodes: &Nodes,
+    pieces: usize,
+    s_mm: &[f64],
+    height_mm: f64,
+    layer_mm: f64,
+) -> Vec<f64> {
     let mut sums = vec![[0.0; 2]; pieces];
     for (node, piece) in nodes.piece.iter().enumerate() {
         if let Some(piece) = *piece {
@@ -149,7 +168,8 @@ fn levels_mm(nodes: &Nodes, pieces: usize, s_mm: &[f64], height_mm: f64, layer_m
             sums[piece][1] += 1.0;
         }
     }
-    let whole = |[sum, count]: [f64; 2]| (sum / count.max(1.0) / layer_mm).round().max(1.0) * layer_mm;
+    let whole =
+        |[sum, count]: [f64; 2]| (sum / count.max(1.0) / layer_mm).round().max(1.0) * layer_mm;
     sums.into_iter().map(whole).collect()
 }
 

@@ -1,9 +1,9 @@
 //! Layers planned: flat ones in the plane, a curved one in a chart of its own.
 //!
-//! In: [`PartLayer`]s with the numbers that they have in the job. Out: [`Laid`], their moves from the first prime to the lift behind
-//! the last pass, in the part's coordinates over the bed, volumes and passes counted from 0. A curved layer's ground is the
-//! surface a layer height below its top along the normal, so that all that holds for the first layer on a surface holds for it; its
-//! volume is that between its top and what it is laid on.
+//! In: [`PartLayer`]s with the numbers that they have in the job. Out: [`Laid`], their moves from the first prime to the
+//! lift behind the last pass, in the part's coordinates over the bed, volumes and passes counted from 0. A curved layer's
+//! ground is the surface a layer height below its top along the normal, so that all that holds for the first layer on a
+//! surface holds for it; its volume is that between its top and what it is laid on.
 
 use super::layer_shape::{Below, LevelSurface, PartLayer};
 use crate::PlanError;
@@ -59,6 +59,7 @@ pub enum Ground {
 }
 
 /// What a layer is planned with.
+#[derive(Clone, Copy)]
 pub struct Context<'a> {
     /// Settings of the job.
     pub settings: &'a Settings,
@@ -66,6 +67,8 @@ pub struct Context<'a> {
     pub start: [f64; CHANNELS],
     /// True for the first layers of the job, which a skirt goes around.
     pub is_first: bool,
+    /// What of a flat layer is filled whatever the density, by its number.
+    pub solid: &'a (dyn Fn(u32) -> Vec<Region> + 'a),
     /// Is told how far it is.
     pub progress: &'a dyn Progress,
 }
@@ -86,7 +89,13 @@ pub fn flat(
             stack.outlines.push(layer.regions.clone());
             stack.outlines.len() - 1
         });
-        let kind = kind_of(number, outline, context.settings);
+        let infill = context.settings.infill.as_ref();
+        let kind = LayerKind {
+            outline,
+            infill: infill.map(|infill| infill.inside(number)),
+            solid: (context.solid)(number),
+            bridges: Vec::new(),
+        };
         let known = stack.kinds.iter().position(|own| *own == kind);
         let kind_number = known.unwrap_or_else(|| {
             stack.kinds.push(kind);
@@ -133,17 +142,14 @@ fn empty_stack<'a>(start: [f64; CHANNELS]) -> Stack<'a> {
     }
 }
 
-/// A layer that is solid throughout.
-fn kind_of(number: u32, outline: usize, settings: &Settings) -> LayerKind {
-    let solid = settings.infill.map(|infill| Infill {
-        density_pct: 100.0,
-        ..infill
-    });
-    LayerKind {
-        outline,
-        infill: solid.map(|infill| infill.inside(number)),
-        solid: Vec::new(),
-        bridges: Vec::new(),
+/// The same settings with an inside that is solid.
+fn solid(settings: &Settings) -> Settings {
+    Settings {
+        infill: settings.infill.map(|infill| Infill {
+            density_pct: 100.0,
+            ..infill
+        }),
+        ..settings.clone()
     }
 }
 
@@ -164,7 +170,7 @@ pub fn curved(
     let settings = &Settings {
         layers: 1,
         skirt,
-        ..context.settings.clone()
+        ..solid(context.settings)
     };
     let layer_mm = settings.layer_height_mm;
     let ground = |bounds: Box2| ground_below(top, bounds, settings);
@@ -173,7 +179,10 @@ pub fn curved(
         let tip = Vector3::new(p.x, p.y, top.z_mm(p));
         chart.place_of(tip, chart.near(tip), layer_mm)
     };
-    let regions: Vec<Region> = regions.iter().map(|region| in_chart(region, place)).collect();
+    let regions: Vec<Region> = regions
+        .iter()
+        .map(|region| in_chart(region, place))
+        .collect();
     let mut job = ChartJob {
         around: regions.clone(),
         regions,
@@ -181,7 +190,14 @@ pub fn curved(
         kept_out_mm2: 0.0,
     };
     let mut laid = OnSurface::on(chart, (0.0, [0.0; 3]), &mut job, settings)?;
-    let routed = routed(number, &job, &laid, context.is_first, settings, context.progress)?;
+    let routed = routed(
+        number,
+        &job,
+        &laid,
+        context.is_first,
+        settings,
+        context.progress,
+    )?;
     let volume_factor = |at: Point2| {
         let frame = laid.chart.frame(at, layer_mm);
         let seen = Point2::from(frame.tip_mm.xy());
@@ -237,8 +253,17 @@ pub fn upright(
         rank_mm: 0.0,
         ..layer.clone()
     }];
+    let solid = solid(context.settings);
+    let context = &Context {
+        settings: &solid,
+        ..*context
+    };
     let mut laid = flat(number..number + 1, &layers, context)?;
-    let corners = layer.regions.iter().map(Region::bounds).flat_map(|b| [b.min, b.max]);
+    let corners = layer
+        .regions
+        .iter()
+        .map(Region::bounds)
+        .flat_map(|b| [b.min, b.max]);
     let bounds = Box2::of(&corners.collect::<Vec<_>>());
     let Some(scale) = ScaleField::of(&Plane, bounds, |_| true, 0.0) else {
         return Ok(laid);
@@ -291,9 +316,15 @@ fn routed(
     let corner = Box2::of(&corners.collect::<Vec<_>>()).min;
     let mut start = [0.0; CHANNELS];
     (start[CHANNEL_X], start[CHANNEL_Y]) = (corner.x, corner.y);
+    let infill = settings.infill.as_ref();
     let stack = Stack {
         outlines: vec![job.regions.clone()],
-        kinds: vec![kind_of(number, 0, settings)],
+        kinds: vec![LayerKind {
+            outline: 0,
+            infill: infill.map(|infill| infill.inside(number)),
+            solid: Vec::new(),
+            bridges: Vec::new(),
+        }],
         layers: vec![StackLayer {
             number,
             top_mm: settings.layer_height_mm,

@@ -5,9 +5,10 @@
 //! (mm, on the bed)          (mm)                (mm)                         (flat or curved, regions)
 //!   --planned in the plane or in a chart--> moves --one after another--> Route --> as for surfaces
 //! ```
-//! In: a closed mesh (mm, input coordinates). Out: a [`Plan`] whose layers follow each other as one job. **Skin**: flat layers with so
-//! many curved ones over them ([`skin`]). **All**: one smooth function has the layers as its whole values ([`field`]). Which of them,
-//! unless it is said, is what leaves less of the stairs, or as much in less time. Leaves out: supports, keep-outs, copies, layers of several heights; the inside is solid.
+//! In: a closed mesh (mm, input coordinates). Out: a [`Plan`] whose layers follow each other as one job. **Skin**: flat
+//! layers with so many curved ones over them ([`skin`]). **All**: one smooth function has the layers as its whole values
+//! ([`field`]). Which of them, unless it is said, is what leaves less of the stairs, or as much in less time. Leaves out:
+//! supports, keep-outs, copies, layers of several heights; curved layers are solid.
 
 mod all_curved;
 mod error;
@@ -23,18 +24,19 @@ mod top_grid;
 
 pub use error::CurvedLayersError;
 
+use super::laid_ground::open_places;
 use crate::geometry::polygon::Region;
 use crate::mesh::slice::Slicer;
 use crate::mesh::{Mesh, Point3};
 use crate::open_ground::OpenGround;
 use crate::plan::judge::ground_sweep::LayerSwept;
+use crate::plan::layers::hollow::SPAN_BEADS_MAX;
 use crate::plan::layers::shells::overhangs;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::settings::{LAYERS_MAX, Settings};
 use crate::{Plan, PlanError};
 use headway_firmware::configuration::Kinematics;
-use super::laid_ground::open_places;
 use layer_shape::PartLayer;
 use rayon::prelude::*;
 use smooth_top::FollowedTop;
@@ -43,8 +45,9 @@ use top_grid::{Piece, TopGrid};
 
 /// Least area of a piece of the top, of the nozzle's half length squared: room for a few beads.
 const PIECE_AREA: f64 = 16.0;
-/// How deep the end of a nozzle that stays upright may be in a slope, of a layer.
-const HANG_SHARE: f64 = 0.5;
+/// How deep the end of a nozzle that stays upright may be in a slope, of a layer: in the mean beads are then half as far off
+/// the slope as the stairs of flat layers, a quarter of a layer.
+const HANG_SHARE: f64 = 0.3;
 /// Curved layers of a skin, where nobody says how many.
 pub const SKIN_LAYERS: u32 = 3;
 
@@ -163,7 +166,9 @@ impl<'a> Job<'a> {
         let bed_mm = mesh.bounds_mm()[0].z;
         let vertices = mesh.vertices.iter();
         let mesh = Mesh {
-            vertices: vertices.map(|p| Point3::new(p.x, p.y, p.z - bed_mm)).collect(),
+            vertices: vertices
+                .map(|p| Point3::new(p.x, p.y, p.z - bed_mm))
+                .collect(),
             triangles: mesh.triangles.clone(),
         };
         let grid = TopGrid::of(&mesh, settings.aperture.unit_mm());
@@ -216,7 +221,9 @@ impl<'a> Job<'a> {
 
     fn pieces(&self) -> Result<Vec<Piece>, CurvedLayersError> {
         let area_min_mm2 = PIECE_AREA * self.settings.aperture.major_mm().powi(2);
-        let pieces = self.grid.pieces(self.slope_max(), area_min_mm2, self.layer_mm);
+        let pieces = self
+            .grid
+            .pieces(self.slope_max(), area_min_mm2, self.layer_mm);
         match pieces.is_empty() {
             true => Err(CurvedLayersError::NoCurvedTop {
                 slope_max_deg: self.slope_max().atan().to_degrees(),
@@ -227,6 +234,7 @@ impl<'a> Job<'a> {
     }
 
     fn divided(&self, asked: CurvedLayers) -> Result<Division, CurvedLayersError> {
+        self.check_inside(asked)?;
         let pieces = self.pieces()?.into_par_iter();
         let tops: Vec<FollowedTop> = pieces.map(|piece| FollowedTop::of(self, piece)).collect();
         let skin = |count: u32| Ok(self.judged(skin::layers_with_skin(self, &tops, count)?));
@@ -234,11 +242,37 @@ impl<'a> Job<'a> {
         match asked {
             CurvedLayers::Skin(count) => skin(count),
             CurvedLayers::All => self.all(&tops),
+            CurvedLayers::Auto if self.is_sparse() => skin(usual),
             CurvedLayers::Auto => match (skin(usual), self.all(&tops)) {
                 (Ok(skin), Ok(all)) => Ok(self.better(skin, all)),
                 (skin, Err(_)) => skin,
                 (Err(_), all) => all,
             },
+        }
+    }
+
+    fn is_sparse(&self) -> bool {
+        let infill = self.settings.infill.as_ref();
+        infill.is_some_and(|infill| !infill.is_solid())
+    }
+
+    /// Whether the inside that is asked for can be had.
+    fn check_inside(&self, asked: CurvedLayers) -> Result<(), CurvedLayersError> {
+        let infill = self.settings.infill.as_ref().filter(|_| self.is_sparse());
+        let Some(infill) = infill else {
+            return Ok(());
+        };
+        let least_pct = 100.0 / SPAN_BEADS_MAX;
+        if infill.density_pct < least_pct {
+            let density_pct = infill.density_pct;
+            return Err(CurvedLayersError::Hollow {
+                density_pct,
+                least_pct,
+            });
+        }
+        match asked {
+            CurvedLayers::All => Err(CurvedLayersError::SparseAll),
+            _ => Ok(()),
         }
     }
 

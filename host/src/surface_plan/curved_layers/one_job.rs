@@ -1,23 +1,28 @@
 //! Layers planned and put after each other -> one route, its motion, and what it covers.
 //!
-//! In: layers in order (heights above the bed, mm). Out: a [`Plan`] in input coordinates. From the lift behind one layer's last pass
-//! the head goes straight up, across above all that is printed so far while it turns and tilts, and straight down.
+//! In: layers in order (heights above the bed, mm). Out: a [`Plan`] in input coordinates. From the lift behind one
+//! layer's last pass the head goes straight up, across above all that is printed so far while it turns and tilts, and
+//! straight down.
 
 use super::CurvedFigures;
 use super::laid_layer::{Context, Ground, Laid, curved, flat, upright};
 use super::layer_shape::{PartLayer, Shape};
 use crate::geometry::Point2;
-use crate::geometry::polygon::Box2;
+use crate::geometry::polygon::{Box2, Region};
 use crate::job::{MotionState, SegmentStream};
 use crate::layer_stack::LeftOut;
 use crate::layer_time::lay_with_layer_times;
+use crate::part_piece::unreachable_boundary;
 use crate::part_transform::PartTransform;
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::judge::ground_sweep::{CurvedGround, LayerSwept, sweep_ground};
+use crate::plan::judge::measure::Measured;
 use crate::plan::judge::measure::{MeasuredPrint, measure};
 use crate::plan::judge::touches::touches;
 use crate::plan::layers::PlanePass;
-use crate::plan::layers::layer_groups::OFF_REGIONS;
+use crate::plan::layers::hollow::shell_layers;
+use crate::plan::layers::layer_groups::{LayerGroup, OFF_REGIONS, RegionPrint};
+use crate::plan::layers::shells::solid_ground;
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::progress::Progress;
 use crate::plan::route::build_route::nearest_heading;
@@ -64,12 +69,14 @@ pub fn planned(
     let mut job = OneJob::default();
     let mut number = 0;
     let tilts = settings.machine.kinematics != Kinematics::Planar;
+    let solid = |number: u32| solid_of(layers, number, settings);
     // Flat layers that follow each other are planned together.
     for group in layers.chunk_by(|a, b| !a.is_curved() && !b.is_curved()) {
         let context = Context {
             settings,
             start: job.end(),
             is_first: number == 0,
+            solid: &solid,
             progress,
         };
         progress.layers(number as usize, layers.len());
@@ -96,6 +103,24 @@ pub fn planned(
     job.laid_out(layers, bed_mm, figures, settings, progress)
 }
 
+/// What of a flat layer is filled whatever the density: what has no flat layer within a few above or below.
+fn solid_of(layers: &[PartLayer], number: u32, settings: &Settings) -> Vec<Region> {
+    let infill = settings.infill.as_ref().filter(|infill| !infill.is_solid());
+    let Some(infill) = infill else {
+        return Vec::new();
+    };
+    let (mut outlines, mut own) = (Vec::new(), None);
+    for (layer, of) in (0u32..).zip(layers).filter(|(_, layer)| !layer.is_curved()) {
+        if layer == number {
+            own = Some(outlines.len());
+        }
+        outlines.push(of.regions.as_slice());
+    }
+    own.map_or(Vec::new(), |own| {
+        solid_ground(&outlines, own, shell_layers(infill))
+    })
+}
+
 impl OneJob {
     fn end(&self) -> Point {
         let last = self.moves.last().and_then(|last| last.curve.control.last());
@@ -106,14 +131,19 @@ impl OneJob {
     fn add(&mut self, mut laid: Laid, first_layer: u32, settings: &Settings) {
         self.left_out.append(&mut laid.left_out);
         let first_pass = self.curves.len();
-        let begin = laid.moves.first().and_then(|first| first.curve.control.first());
+        let begin = laid
+            .moves
+            .first()
+            .and_then(|first| first.curve.control.first());
         if let Some(&begin) = begin {
             let end = self.end();
             let period_rad = settings.aperture.period_rad();
             let heading_rad = begin[CHANNEL_HEADING];
             let turn_rad = match self.moves.is_empty() {
                 true => 0.0,
-                false => nearest_heading(heading_rad, end[CHANNEL_HEADING], period_rad) - heading_rad,
+                false => {
+                    nearest_heading(heading_rad, end[CHANNEL_HEADING], period_rad) - heading_rad
+                }
             };
             let more_mm3 = self.volume_mm3 - begin[CHANNEL_VOLUME];
             for route_move in &mut laid.moves {
@@ -129,8 +159,13 @@ impl OneJob {
             if !self.moves.is_empty() {
                 self.travel([end, begin], first_layer, settings.lift_mm);
             }
-            let points = laid.moves.iter().flat_map(|route_move| &route_move.curve.control);
-            self.top_mm = points.map(|point| point[CHANNEL_Z]).fold(self.top_mm, f64::max);
+            let points = laid
+                .moves
+                .iter()
+                .flat_map(|route_move| &route_move.curve.control);
+            self.top_mm = points
+                .map(|point| point[CHANNEL_Z])
+                .fold(self.top_mm, f64::max);
             self.moves.append(&mut laid.moves);
             self.volume_mm3 = self.end()[CHANNEL_VOLUME];
         }
@@ -144,7 +179,9 @@ impl OneJob {
 
     /// Up, across, down.
     fn travel(&mut self, [from, to]: [Point; 2], layer: u32, lift_mm: f64) {
-        let above_mm = (self.top_mm + lift_mm).max(from[CHANNEL_Z]).max(to[CHANNEL_Z]);
+        let above_mm = (self.top_mm + lift_mm)
+            .max(from[CHANNEL_Z])
+            .max(to[CHANNEL_Z]);
         let [up, over] = [from, to].map(|mut point| {
             point[CHANNEL_Z] = above_mm;
             point
@@ -177,7 +214,10 @@ impl OneJob {
     }
 
     fn bounds(&self, layers: &[PartLayer], settings: &Settings) -> Box2 {
-        let points = self.moves.iter().flat_map(|route_move| &route_move.curve.control);
+        let points = self
+            .moves
+            .iter()
+            .flat_map(|route_move| &route_move.curve.control);
         let points = points.map(|point| Point2::new(point[CHANNEL_X], point[CHANNEL_Y]));
         let regions = layers.iter().flat_map(|layer| &layer.regions);
         let boxes = regions.map(|region| region.bounds());
@@ -215,16 +255,26 @@ impl OneJob {
         )?;
         let on_machine = passes.into_iter().flatten().collect();
         let top_mm = self.top_mm + transform.offset_mm[2];
-        let mut route = complete_route(&self.moves, on_machine, top_mm, start_pose(settings), settings);
+        let mut route = complete_route(
+            &self.moves,
+            on_machine,
+            top_mm,
+            start_pose(settings),
+            settings,
+        );
         let touches = touches(&route, None, settings);
         let (stream, motion, slowed) = lay_with_layer_times(&mut route, settings, progress)?;
-        let (figures, swept) = self.judged(&stream, &transform, bed_mm, settings, progress);
+        let flat = self.flat_prints();
+        let judged = self.judged(&stream, &flat, &transform, bed_mm, settings, progress);
         for part in &self.parts {
             if let Ground::Surface(laid) = &part.laid.on {
                 curved.unreachable.extend(laid.unreachable.iter().copied());
             }
         }
-        curved.swept = swept;
+        curved.unreachable.extend(unreachable_boundary(
+            flat.kinds.iter().flat_map(|kind| &kind.regions),
+        ));
+        curved.swept = judged.curved;
         Ok(Plan {
             transform,
             found_place,
@@ -233,62 +283,107 @@ impl OneJob {
             left_out: self.left_out,
             curves: self.curves,
             curved_layers: Some(curved),
+            kinds: flat.kinds,
+            prints: flat.prints,
+            print_of_curve: flat.print_of_curve,
+            measured: judged.measured,
             slowed,
             route,
             stream,
             motion,
-            figures,
+            figures: judged.figures,
             ..Plan::default()
         })
     }
 
     fn curves_at(&self, transform: &PartTransform) -> Vec<PathCurve> {
-        let moves = self.moves.iter().filter(|route_move| has_motion(route_move));
-        let curves = moves.map(|route_move| super::super::shifted(&route_move.curve, transform.offset_mm));
+        let moves = self
+            .moves
+            .iter()
+            .filter(|route_move| has_motion(route_move));
+        let curves =
+            moves.map(|route_move| super::super::shifted(&route_move.curve, transform.offset_mm));
         curves.collect()
+    }
+
+    /// The flat layers of all parts, counted together.
+    fn flat_prints(&self) -> FlatPrints {
+        let mut flat = FlatPrints::default();
+        for part in &self.parts {
+            let (first_kind, first_print) = (flat.kinds.len(), flat.prints.len());
+            let of_part = part.laid.print_of_curve.iter();
+            match &part.laid.on {
+                Ground::Plane { kinds, prints } => {
+                    flat.kinds.extend(kinds.iter().cloned());
+                    flat.prints.extend(prints.iter().map(|print| RegionPrint {
+                        kind: first_kind + print.kind,
+                        like: first_print + print.like,
+                        ..*print
+                    }));
+                    flat.print_of_curve
+                        .extend(of_part.map(|print| match *print {
+                            OFF_REGIONS => OFF_REGIONS,
+                            print => first_print + print,
+                        }));
+                }
+                Ground::Surface(_) => flat.print_of_curve.extend(of_part.map(|_| OFF_REGIONS)),
+            }
+        }
+        flat
     }
 
     /// Coverage of all layers: flat ones in the plane, curved ones on their surfaces.
     fn judged(
         &self,
         stream: &SegmentStream,
+        flat: &FlatPrints,
         transform: &PartTransform,
         bed_mm: f64,
         settings: &Settings,
         progress: &dyn Progress,
-    ) -> (PlanFigures, Vec<LayerSwept>) {
-        let (mut prints, mut print_of_pass) = (Vec::new(), Vec::new());
-        for part in &self.parts {
-            let first_print = prints.len();
-            let of_part = part.laid.print_of_curve.iter();
-            match &part.laid.on {
-                Ground::Plane { kinds, prints: own } => {
-                    prints.extend(own.iter().map(|print| MeasuredPrint {
-                        contour: &kinds[print.kind].regions[print.region].contour,
-                        layer: print.layer,
-                        like: first_print + print.like,
-                    }));
-                    print_of_pass.extend(of_part.map(|print| match *print {
-                        OFF_REGIONS => OFF_REGIONS,
-                        print => first_print + print,
-                    }));
-                }
-                Ground::Surface(_) => print_of_pass.extend(of_part.map(|_| OFF_REGIONS)),
-            }
+    ) -> Judged {
+        let prints = flat.prints.iter().map(|print| MeasuredPrint {
+            contour: &flat.kinds[print.kind].regions[print.region].contour,
+            layer: print.layer,
+            like: print.like,
+        });
+        let prints: Vec<MeasuredPrint> = prints.collect();
+        let (mut figures, measured) = measure(
+            stream,
+            &prints,
+            &flat.print_of_curve,
+            transform,
+            settings,
+            progress,
+        );
+        let swept = prints.iter().zip(&measured.swept);
+        let mut swept: Vec<(u32, Swept)> = swept.map(|(p, swept)| (p.layer, *swept)).collect();
+        let curved = self.swept_on_surfaces(stream, transform, bed_mm, settings);
+        swept.extend(curved.iter().map(|layer| (layer.layer, layer.swept)));
+        swept.sort_by_key(|(layer, _)| *layer);
+        let (layers, swept): (Vec<u32>, Vec<Swept>) = swept.into_iter().unzip();
+        figures.set_shares(&layers, &swept);
+        // What is printed beside regions of the plane lies on curved ones.
+        figures.skirt_mm = 0.0;
+        Judged {
+            figures,
+            measured,
+            curved,
         }
-        let (mut figures, measured) =
-            measure(stream, &prints, &print_of_pass, transform, settings, progress);
+    }
+
+    fn swept_on_surfaces(
+        &self,
+        stream: &SegmentStream,
+        transform: &PartTransform,
+        bed_mm: f64,
+        settings: &Settings,
+    ) -> Vec<LayerSwept> {
         let mut raised = *transform;
         raised.offset_mm[2] += bed_mm;
-        let mut swept: Vec<(u32, Swept)> = prints
-            .iter()
-            .zip(&measured.swept)
-            .map(|(print, swept)| (print.layer, *swept))
-            .collect();
-        let mut curved = Vec::new();
-        for part in &self.parts {
+        let of_parts = self.parts.iter().flat_map(|part| {
             let Ground::Surface(laid) = &part.laid.on else {
-                continue;
+                return Vec::new();
             };
             let ground = CurvedGround {
                 chart: &*laid.chart,
@@ -302,15 +397,23 @@ impl OneJob {
                 let print = own.and_then(|own| part.laid.print_of_curve.get(own));
                 print.is_some_and(|print| *print != OFF_REGIONS)
             };
-            let found = sweep_ground(stream, &ground, of_regions, settings);
-            swept.extend(found.iter().map(|layer| (layer.layer, layer.swept)));
-            curved.extend(found);
-        }
-        swept.sort_by_key(|(layer, _)| *layer);
-        let (layers, swept): (Vec<u32>, Vec<Swept>) = swept.into_iter().unzip();
-        figures.set_shares(&layers, &swept);
-        // What is printed beside regions of the plane lies on curved ones.
-        figures.skirt_mm = 0.0;
-        (figures, curved)
+            sweep_ground(stream, &ground, of_regions, settings)
+        });
+        of_parts.collect()
     }
+}
+
+/// Flat layers, for what is said of those of other plans.
+#[derive(Default)]
+struct FlatPrints {
+    kinds: Vec<LayerGroup>,
+    prints: Vec<RegionPrint>,
+    print_of_curve: Vec<usize>,
+}
+
+/// What was covered.
+struct Judged {
+    figures: PlanFigures,
+    measured: Measured,
+    curved: Vec<LayerSwept>,
 }

@@ -70,12 +70,16 @@ impl Warped {
                 }
                 let ends = key.map(|vertex| vertex as usize);
                 let middle = nalgebra::center(&self.places[ends[0]], &self.places[ends[1]]);
-                let is_long = (self.places[ends[1]] - self.places[ends[0]]).norm() > SHORTEST * layer_mm;
+                let length_mm = (self.places[ends[1]] - self.places[ends[0]]).norm();
+                if length_mm <= SHORTEST * layer_mm {
+                    middles.insert(key, None);
+                    continue;
+                }
                 let own = height(&middle);
                 let [p, q] = ends.map(|vertex| self.heights[vertex]);
                 let is_near = p.min(q).min(own) <= highest && p.max(q).max(own) >= lowest;
                 let bends = (own - 0.5 * (p + q)).abs() > BEND * layer_mm;
-                let new = (is_long && is_near && bends).then(|| {
+                let new = (is_near && bends).then(|| {
                     self.places.push(middle);
                     self.heights.push(own);
                     (self.places.len() - 1) as u32

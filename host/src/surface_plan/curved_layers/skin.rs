@@ -1,16 +1,17 @@
 //! A skin: flat layers, and so many curved ones over them that follow the top.
 //!
-//! In: the mesh, which stands on z = 0 (mm), and its top. Out: layers in the order that they are printed in. The curved ones lie a
-//! layer height below each other, the last one on the top itself; the lowest of them takes what the flat ones below leave, half a
-//! layer to one and a half. Each piece of the top has a skin of its own. It reaches beyond the piece as far as the top is within
-//! half a layer of where the piece leads, and ends there as a flat layer does: where the part ends at the layer's middle.
+//! In: the mesh, which stands on z = 0 (mm), and its top. Out: layers in the order that they are printed in. The curved
+//! ones lie a layer height below each other, the last one on the top itself; the lowest of them takes what the flat ones
+//! below leave, half a layer to one and a half. Each piece of the top has a skin of its own. It reaches beyond the piece
+//! as far as the top is within half a layer of where the piece leads, and ends there as a flat layer does: where the part
+//! ends at the layer's middle.
 
+use super::Job;
 use super::error::CurvedLayersError;
 use super::layer_shape::{Below, LevelSurface, PartLayer, Shape};
 use super::sections::{above, sections};
-use super::top_grid::TopGrid;
-use super::Job;
 use super::smooth_top::FollowedTop;
+use super::top_grid::TopGrid;
 use crate::geometry::boolean::{difference, intersection};
 use crate::geometry::polygon::Region;
 use crate::mesh::Point3;
@@ -69,7 +70,11 @@ pub fn layers_max(job: &Job, tops: &[FollowedTop]) -> (u32, usize) {
     (most, lowest)
 }
 
-fn check_height(job: &Job, tops: &[FollowedTop], skin_layers: u32) -> Result<(), CurvedLayersError> {
+fn check_height(
+    job: &Job,
+    tops: &[FollowedTop],
+    skin_layers: u32,
+) -> Result<(), CurvedLayersError> {
     let (layers_max, lowest) = layers_max(job, tops);
     if skin_layers <= layers_max {
         return Ok(());
@@ -117,7 +122,10 @@ impl Skin {
         let below_top_mm: Vec<f64> = (0..skin_layers)
             .map(|number| layer_mm * f64::from(skin_layers - 1 - number))
             .collect();
-        let middles: Vec<f64> = below_top_mm.iter().map(|below| -below - 0.5 * layer_mm).collect();
+        let middles: Vec<f64> = below_top_mm
+            .iter()
+            .map(|below| -below - 0.5 * layer_mm)
+            .collect();
         let height = |p: &Point3| p.z - self.top.z_mm(p.xy());
         let sections = sections(&job.mesh, &height, &middles, layer_mm);
         let surface = |below_mm: f64| LevelSurface {
@@ -148,7 +156,9 @@ impl Skin {
 fn flat_layers(job: &Job, skins: &[Skin]) -> Vec<PartLayer> {
     let layer_mm = job.layer_mm;
     let count = (job.grid.highest_mm() / layer_mm + 0.5).floor() as u32;
-    let middles: Vec<f64> = (0..count).map(|number| layer_mm * (f64::from(number) + 0.5)).collect();
+    let middles: Vec<f64> = (0..count)
+        .map(|number| layer_mm * (f64::from(number) + 0.5))
+        .collect();
     let mut sections: Vec<Vec<Region>> = Slicer::new(&job.mesh)
         .sections(&middles)
         .into_iter()

@@ -1,9 +1,9 @@
 //! A smooth surface through the top of a piece, on which a flat nozzle lies.
 //!
-//! In: heights of a piece's cells (mm). Out: a [`SplineSurface`] through them. Where the flat end of the nozzle would dip into a
-//! hollow fold, or its ends would hang over a ridge, the heights about that fold are means over a disk: weighed by 1 / sqrt(R² - r²),
-//! whose projection onto any line is even, so that a fold of angle d bends evenly over the disk's width 2R, and a flat end of
-//! radius r dips by d r² / 4R. What is smooth before stays as it is.
+//! In: heights of a piece's cells (mm). Out: a [`SplineSurface`] through them. Where the flat end of the nozzle would dip
+//! into a hollow fold, or its ends would hang over a ridge, the heights about that fold are means over a disk: weighed by
+//! 1 / sqrt(R² - r²), whose projection onto any line is even, so that a fold of angle d bends evenly over the disk's
+//! width 2R, and a flat end of radius r dips by d r² / 4R. What is smooth before stays as it is.
 
 use super::Job;
 use super::top_grid::{Piece, TopGrid};
@@ -65,14 +65,23 @@ fn smooth_top(job: &Job, piece: &Piece) -> SplineSurface {
     let own: Vec<f64> = piece.cells.iter().map(|&cell| grid.z_mm[cell]).collect();
     let raw = through(&own);
     let off = |surface: &SplineSurface| {
-        let off = piece.cells.iter().filter(|&&cell| !flat_end.lies(grid, cell, surface));
+        let off = piece
+            .cells
+            .iter()
+            .filter(|&&cell| !flat_end.lies(grid, cell, surface));
         off.count()
     };
-    let folds = piece.cells.iter().map(|&cell| flat_end.is_fold(grid, cell, &raw));
+    let folds = piece
+        .cells
+        .iter()
+        .map(|&cell| flat_end.is_fold(grid, cell, &raw));
     let folds: Vec<bool> = folds.collect();
     // The surface with the fewest places on which the nozzle does not lie: the planner of surfaces refuses what is left.
     let mut best = (off(&raw), raw.clone());
-    let wanted = flat_end.disk(piece.cells.iter().map(|&cell| bend_at(grid, cell, &raw)), pitch_mm);
+    let wanted = flat_end.disk(
+        piece.cells.iter().map(|&cell| bend_at(grid, cell, &raw)),
+        pitch_mm,
+    );
     let wanted = DISKS.iter().position(|disk| *disk >= wanted);
     for disk in &DISKS[wanted.unwrap_or(DISKS.len() - 1)..] {
         if best.0 == 0 {
@@ -154,10 +163,17 @@ fn bend_at(grid: &TopGrid, cell: usize, surface: &SplineSurface) -> f64 {
 fn cells_about(grid: &TopGrid, piece: &Piece, is_off: &[bool], near_mm: f64) -> Vec<bool> {
     let off = piece.cells.iter().zip(is_off);
     let off = Piece {
-        cells: off.filter(|(_, is_off)| **is_off).map(|(cell, _)| *cell).collect(),
+        cells: off
+            .filter(|(_, is_off)| **is_off)
+            .map(|(cell, _)| *cell)
+            .collect(),
     };
     let (_, away) = grid.distances_mm(&off, 0);
-    piece.cells.iter().map(|&cell| away[cell] <= near_mm).collect()
+    piece
+        .cells
+        .iter()
+        .map(|&cell| away[cell] <= near_mm)
+        .collect()
 }
 
 /// Means over disks of a piece; beside it the top goes on as its surface does.

@@ -78,7 +78,10 @@ impl TopGrid {
 
     /// The cells beside one, with their distance in steps.
     pub fn beside(&self, cell: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let (i, j) = ((cell % self.count[0]) as isize, (cell / self.count[0]) as isize);
+        let (i, j) = (
+            (cell % self.count[0]) as isize,
+            (cell / self.count[0]) as isize,
+        );
         let [columns, rows] = self.count.map(|count| count as isize);
         let around = (-1..=1).flat_map(move |dj| (-1..=1).map(move |di| (di, dj)));
         around.filter_map(move |(di, dj): (isize, isize)| {
@@ -159,7 +162,9 @@ impl TopGrid {
         let cells = 0..away.len();
         // Two sweeps with the distances of neighbours that were swept before (Borgefors 1986).
         let mut sweep = |cell: usize, is_before: bool| {
-            let near = grown.beside(cell).filter(|(other, _)| (*other < cell) == is_before);
+            let near = grown
+                .beside(cell)
+                .filter(|(other, _)| (*other < cell) == is_before);
             let least = near.map(|(other, steps)| away[other] + steps * self.step_mm);
             away[cell] = least.fold(away[cell], f64::min);
         };

@@ -10,7 +10,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 const PX_PER_MM: f64 = 36.0;
-const STEP_MM: f64 = 0.02;
+const STEP_MM: f64 = 0.05;
 
 /// The section of layers at y = 0, from the middle to the rim: one strip for each.
 fn strips(layers: &[PartLayer], left_px: f64, base_px: f64, svg: &mut String) {
@@ -34,7 +34,12 @@ fn strips(layers: &[PartLayer], left_px: f64, base_px: f64, svg: &mut String) {
             (false, 0) => "#94a3b8",
             (false, _) => "#cbd5e1",
         };
-        writeln!(svg, "<polygon fill=\"{fill}\" points=\"{}\"/>", points.join(" ")).unwrap();
+        writeln!(
+            svg,
+            "<polygon fill=\"{fill}\" points=\"{}\"/>",
+            points.join(" ")
+        )
+        .unwrap();
     }
 }
 
@@ -51,7 +56,9 @@ fn words(svg: &mut String, x: f64, y: f64, text: &str) {
 fn the_picture_shows_the_layers_of_the_example() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let bytes = std::fs::read(root.join("examples/cap.stl")).unwrap();
-    let mesh = read(&bytes, "cap", MeshFormat::Stl, &MeshOptions::default()).unwrap().mesh;
+    let mesh = read(&bytes, "cap", MeshFormat::Stl, &MeshOptions::default())
+        .unwrap()
+        .mesh;
     let settings = machine("gantry");
     let mut svg = String::from(
         "<svg viewBox=\"0 0 960 500\" width=\"960\" xmlns=\"http://www.w3.org/2000/svg\">\n\
@@ -59,12 +66,20 @@ fn the_picture_shows_the_layers_of_the_example() {
     );
     let skin = divided(&mesh, CurvedLayers::Skin(3), &settings).unwrap();
     let all = divided(&mesh, CurvedLayers::All, &settings).unwrap();
-    for (top_px, divided, name) in [(30.0, &skin, "--curved-layers skin:3"), (260.0, &all, "--curved-layers all")] {
+    for (top_px, divided, name) in [
+        (30.0, &skin, "--curved-layers skin:3"),
+        (260.0, &all, "--curved-layers all"),
+    ] {
         strips(&divided.layers, 24.0, top_px + 190.0, &mut svg);
         let [flat_mm3, own_mm3] = divided.figures.stair_error_mm3;
         let [flat, curved] = divided.figures.layers;
         words(&mut svg, 480.0, top_px + 40.0, name);
-        words(&mut svg, 480.0, top_px + 64.0, &format!("{flat} flat layers, {curved} curved"));
+        words(
+            &mut svg,
+            480.0,
+            top_px + 64.0,
+            &format!("{flat} flat layers, {curved} curved"),
+        );
         let stairs = format!("stairs {own_mm3:.2} mm³ instead of {flat_mm3:.2}");
         words(&mut svg, 480.0, top_px + 88.0, &stairs);
         let [least, most] = divided.figures.thickness;

@@ -13,8 +13,14 @@ fn a_flat_block_is_refused() {
         vertex.z = if vertex.z > 0.5 { 1.0 } else { 0.0 };
     }
     let error = divided(&part.mesh, CurvedLayers::Auto, &settings).unwrap_err();
-    assert!(matches!(error, CurvedLayersError::NoCurvedTop { .. }), "{error}");
-    assert!(error.to_string().contains("leave --curved-layers out"), "{error}");
+    assert!(
+        matches!(error, CurvedLayersError::NoCurvedTop { .. }),
+        "{error}"
+    );
+    assert!(
+        error.to_string().contains("leave --curved-layers out"),
+        "{error}"
+    );
 }
 
 /// A wing's rim is three layers high: more curved ones do not fit. In one count of layers its thickness ranges too far.
@@ -24,11 +30,16 @@ fn a_thin_rim_has_no_room_for_a_thick_skin() {
     let part = wing();
     let error = divided(&part.mesh, CurvedLayers::Skin(8), &settings).unwrap_err();
     let CurvedLayersError::TooLow {
-        layers_max, height_mm, ..
+        layers_max,
+        height_mm,
+        ..
     } = error
     else {
         panic!("{error}")
     };
-    assert!(layers_max == 3 && (0.5..0.75).contains(&height_mm), "{error}");
+    assert!(
+        layers_max == 3 && (0.5..0.75).contains(&height_mm),
+        "{error}"
+    );
     assert!(error.to_string().contains("skin:3 fits"), "{error}");
 }

@@ -1,7 +1,7 @@
-//! Goal: curved layers leave as little of the stairs as is required, keep their thickness and slope, and hold the part's volume.
-//! Method: parts by formulas (a dome, a wing, a bracket), divided as for the example gantry. The printed top is that of the highest
-//! layer whose regions hold a place, cells of 0.1 mm, against the formula; thickness and volume are taken from heights of layers
-//! that follow each other. Shares no code with the planner.
+//! Goal: curved layers leave as little of the stairs as is required, keep their thickness and slope, and hold the part's
+//! volume. Method: parts by formulas (a dome, a wing, a bracket), divided as for the example gantry. The printed top is
+//! that of the highest layer whose regions hold a place, cells of 0.1 mm, against the formula; thickness and volume are
+//! taken from heights of layers that follow each other. Shares no code with the planner.
 
 use headway::geometry::Point2;
 use headway::settings::{Settings, machine_file};
@@ -33,7 +33,8 @@ const HEIGHT_MM: f64 = 0.2;
 
 fn judged(part: &CurvedPart, layers: &[PartLayer], cell_mm: f64) -> Judged {
     let [x_low, y_low, x_high, y_high] = part.bounds_mm;
-    let [columns, rows] = [x_high - x_low, y_high - y_low].map(|side| (side / cell_mm).round() as usize);
+    let [columns, rows] =
+        [x_high - x_low, y_high - y_low].map(|side| (side / cell_mm).round() as usize);
     let mut found = Judged {
         thinnest: f64::INFINITY,
         ..Judged::default()
@@ -75,7 +76,12 @@ fn judged(part: &CurvedPart, layers: &[PartLayer], cell_mm: f64) -> Judged {
     found
 }
 
-fn looked_at(name: &str, part: &CurvedPart, asked: CurvedLayers, cell_mm: f64) -> (DividedPart, Judged) {
+fn looked_at(
+    name: &str,
+    part: &CurvedPart,
+    asked: CurvedLayers,
+    cell_mm: f64,
+) -> (DividedPart, Judged) {
     let settings = machine("gantry");
     let begun = Instant::now();
     let divided = divided(&part.mesh, asked, &settings).unwrap();
@@ -91,13 +97,25 @@ fn looked_at(name: &str, part: &CurvedPart, asked: CurvedLayers, cell_mm: f64) -
     );
     // The planner's own figures, taken on a coarser grid.
     let [flat_mm3, stairs_mm3] = figures.stair_error_mm3;
-    assert!((flat_mm3 - judged.flat_mm3).abs() < 0.03 * judged.flat_mm3, "{name} {judged:?}");
+    assert!(
+        (flat_mm3 - judged.flat_mm3).abs() < 0.03 * judged.flat_mm3,
+        "{name} {judged:?}"
+    );
     let slack_mm3 = 0.15 * judged.stairs_mm3 + 0.01 * judged.flat_mm3;
-    assert!((stairs_mm3 - judged.stairs_mm3).abs() < slack_mm3, "{name} {judged:?}");
+    assert!(
+        (stairs_mm3 - judged.stairs_mm3).abs() < slack_mm3,
+        "{name} {judged:?}"
+    );
     // Half to one and a half layers, with what a grid may miss at an edge.
-    assert!(judged.thinnest > 0.48 && judged.thickest < 1.52, "{name} {judged:?}");
+    assert!(
+        judged.thinnest > 0.48 && judged.thickest < 1.52,
+        "{name} {judged:?}"
+    );
     let free_tilt_deg = settings.head.as_ref().unwrap().free_tilt_rad().to_degrees();
-    assert!(judged.steepest_deg < 1.05 * free_tilt_deg, "{name} {judged:?}");
+    assert!(
+        judged.steepest_deg < 1.05 * free_tilt_deg,
+        "{name} {judged:?}"
+    );
     assert!((judged.volume - 1.0).abs() < 0.003, "{name} {judged:?}");
     (divided, judged)
 }
@@ -106,7 +124,12 @@ fn looked_at(name: &str, part: &CurvedPart, asked: CurvedLayers, cell_mm: f64) -
 /// R 0.8: d w² / 24 a length, 0.8 mm³.
 #[test]
 fn a_small_dome_loses_its_stairs() {
-    let (_, judged) = looked_at("small dome", &dome(0.3, 1.0, 0.25), CurvedLayers::Skin(3), 0.1);
+    let (_, judged) = looked_at(
+        "small dome",
+        &dome(0.3, 1.0, 0.25),
+        CurvedLayers::Skin(3),
+        0.1,
+    );
     assert!(judged.stairs_mm3 < 0.2 * judged.flat_mm3, "{judged:?}");
 }
 
