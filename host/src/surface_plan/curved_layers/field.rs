@@ -221,7 +221,7 @@ fn add_targets(
         let slope = nodes.slope(s_mm, node);
         let steep = slope[0].hypot(slope[1]);
         let share = (slope_max / steep.max(1e-12)).min(1.0);
-        for axis in 0..2 {
+        for (axis, slope) in slope.into_iter().enumerate() {
             let weight = &mut weights.slope[axis][node];
             if steep > slope_max {
                 *weight = heavier(*weight);
@@ -229,7 +229,7 @@ fn add_targets(
             }
             if let (Some(next), true) = (nodes.next(node, axis), *weight > 0.0) {
                 let terms = [(node, -per_mm), (next, per_mm)];
-                system.add_square(&terms, share * slope[axis], weight.powi(2));
+                system.add_square(&terms, share * slope, weight.powi(2));
             }
         }
         let within_mm = s_mm[node].clamp(bounds_mm[0], bounds_mm[1]);
