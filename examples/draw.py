@@ -117,6 +117,33 @@ def dome(radius=40.0, base=16.0, half=20, step=2):
     return triangles
 
 
+def cap():
+    """A cap of a sphere of 30 mm on a round block of 12 mm, 2 mm high: a top that layers can follow."""
+    radii = [9 * k / 10 for k in range(11)] + [10.0, 11.0, 12.0]
+    rings, around = len(radii) - 1, 72
+    foot = math.sqrt(30**2 - 9**2)
+
+    def place(ring, k):
+        turn = 2 * math.pi * (k % around) / around
+        radius = radii[ring]
+        height = 2 + (math.sqrt(30**2 - radius**2) - foot if radius < 9 else 0)
+        return (radius * math.cos(turn), radius * math.sin(turn), height)
+
+    def below(k):
+        return place(rings, k)[:2] + (0.0,)
+
+    triangles = []
+    for k in range(around):
+        triangles.append((place(0, 0), place(1, k), place(1, k + 1)))
+        for ring in range(1, rings):
+            a, b = place(ring, k), place(ring + 1, k)
+            c, d = place(ring + 1, k + 1), place(ring, k + 1)
+            triangles += [(a, b, c), (a, c, d)]
+        a, b, c, d = below(k), below(k + 1), place(rings, k + 1), place(rings, k)
+        triangles += [(a, b, c), (a, c, d), ((0.0, 0.0, 0.0), b, a)]
+    return triangles
+
+
 def write_stl(name, triangles):
     facet = lambda corners: struct.pack("<12fH", 0, 0, 0, *sum(corners, ()), 0)
     (HERE / f"{name}.stl").write_bytes(
@@ -132,6 +159,7 @@ def main():
     write("thin-web", "two blocks joined by a web of one bead", thin_web())
     write("dome-ring", "a ring for dome.stl", circle(0, 0, 16)[::-1], [circle(0, 0, 6)])
     write_stl("dome", dome())
+    write_stl("cap", cap())
     (HERE / "washers.geojson").write_text(json.dumps({
         "type": "FeatureCollection", "units": "mm", "name": "washers",
         "features": [{

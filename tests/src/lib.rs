@@ -15,6 +15,7 @@ pub mod beads;
 pub mod centre_line;
 pub mod controllers;
 pub mod cpu_clock;
+pub mod curved_parts;
 pub mod dense_search;
 pub mod elf;
 #[cfg(unix)]

@@ -4,9 +4,10 @@
 //! patch keeps its area in all. Angles are kept as well as triangles allow, so that a plan made in the plane has its
 //! angles on the patch too, and what can be unrolled is unrolled. Source: Lévy, Petitjean, Ray, Maillot 2002. The
 //! map is the least of the squares of what each triangle is sheared by, two far vertices held; the normal equations are
-//! ordered by breadth (Cuthill, McKee 1969) and solved by LDLᵀ within their envelope. Leaves out patches without a rim
+//! ordered by breadth (Cuthill, McKee 1969) and solved within their envelope ([`Envelope`]). Leaves out patches without a rim
 //! and cuts: whoever calls sees to those.
 
+use super::envelope::Envelope;
 use super::{Point2, Vector2};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
@@ -75,7 +76,7 @@ pub fn flattened(
         .collect();
     let order = ordered(vertices.len(), locals.iter().map(|(triangle, _)| *triangle))?;
     let pinned = far_pair(vertices, &order.vertices);
-    let system = System::of(&locals, &order, pinned);
+    let system = equations(&locals, &order, pinned);
     let solution = system.solved();
     let apart = (vertices[pinned[1]] - vertices[pinned[0]]).norm();
     let mut flat = vec![Point2::origin(); vertices.len()];
@@ -160,141 +161,48 @@ fn far_pair(vertices: &[Vector3<f64>], used: &[usize]) -> [usize; 2] {
     [one, farthest(one)]
 }
 
-/// Normal equations in their envelope: row i has the columns from `first[i]` to i.
-struct System {
-    first: Vec<usize>,
-    rows: Vec<Vec<f64>>,
-    right: Vec<f64>,
+/// The normal equations of the map that has the pinned vertices at (0, 0) and (1, 0).
+fn equations(locals: &[([u32; 3], Local)], order: &Order, pinned: [usize; 2]) -> Envelope {
+    let count = 2 * order.vertices.len();
+    let mut first: Vec<usize> = (0..count).collect();
+    for (triangle, _) in locals {
+        let places = triangle.map(|vertex| 2 * order.place[vertex as usize]);
+        let least = places.into_iter().min().unwrap_or(0);
+        for place in places {
+            for row in [place, place + 1] {
+                first[row] = first[row].min(least);
+            }
+        }
+    }
+    let mut system = Envelope::new(first);
+    for (triangle, local) in locals {
+        let places = triangle.map(|vertex| order.place[vertex as usize]);
+        add_shear(&mut system, places, local);
+    }
+    for (vertex, at) in pinned.into_iter().zip([[0.0, 0.0], [1.0, 0.0]]) {
+        let row = 2 * order.place[vertex];
+        system.hold(row, at[0]);
+        system.hold(row + 1, at[1]);
+    }
+    system
 }
 
-impl System {
-    /// Of the map that has the pinned vertices at (0, 0) and (1, 0).
-    fn of(locals: &[([u32; 3], Local)], order: &Order, pinned: [usize; 2]) -> System {
-        let count = 2 * order.vertices.len();
-        let mut first: Vec<usize> = (0..count).collect();
-        for (triangle, _) in locals {
-            let places = triangle.map(|vertex| 2 * order.place[vertex as usize]);
-            let least = places.into_iter().min().unwrap_or(0);
-            for place in places {
-                for row in [place, place + 1] {
-                    first[row] = first[row].min(least);
-                }
-            }
-        }
-        let rows = first.iter().enumerate();
-        let mut system = System {
-            rows: rows
-                .map(|(row, first)| vec![0.0; row + 1 - first])
-                .collect(),
-            right: vec![0.0; count],
-            first,
-        };
-        for (triangle, local) in locals {
-            system.add(triangle.map(|vertex| order.place[vertex as usize]), local);
-        }
-        for (vertex, at) in pinned.into_iter().zip([[0.0, 0.0], [1.0, 0.0]]) {
-            let row = 2 * order.place[vertex];
-            system.hold(row, at[0]);
-            system.hold(row + 1, at[1]);
-        }
-        system
-    }
-
-    /// Adds the square of what a triangle is sheared by: of the sum of (opposite side as a complex number) times
-    /// (place as a complex number), over the root of twice the area.
-    fn add(&mut self, places: [usize; 3], local: &Local) {
-        let weights: [Vector2; 3] = std::array::from_fn(|k| {
-            let side = local.corners[(k + 2) % 3] - local.corners[(k + 1) % 3];
-            side / (2.0 * local.area_mm2).sqrt()
-        });
-        for (&place, own) in places.iter().zip(&weights) {
-            for (&other, its) in places.iter().zip(&weights) {
-                let (same, mixed) = (own.dot(its), own.perp(its));
-                self.put(2 * place, 2 * other, same);
-                self.put(2 * place + 1, 2 * other + 1, same);
-                self.put(2 * place, 2 * other + 1, -mixed);
-                self.put(2 * place + 1, 2 * other, mixed);
-            }
+/// Adds the square of what a triangle is sheared by: of the sum of (opposite side as a complex number) times
+/// (place as a complex number), over the root of twice the area.
+fn add_shear(system: &mut Envelope, places: [usize; 3], local: &Local) {
+    let weights: [Vector2; 3] = std::array::from_fn(|k| {
+        let side = local.corners[(k + 2) % 3] - local.corners[(k + 1) % 3];
+        side / (2.0 * local.area_mm2).sqrt()
+    });
+    for (&place, own) in places.iter().zip(&weights) {
+        for (&other, its) in places.iter().zip(&weights) {
+            let (same, mixed) = (own.dot(its), own.perp(its));
+            system.put(2 * place, 2 * other, same);
+            system.put(2 * place + 1, 2 * other + 1, same);
+            system.put(2 * place, 2 * other + 1, -mixed);
+            system.put(2 * place + 1, 2 * other, mixed);
         }
     }
-
-    fn put(&mut self, row: usize, column: usize, value: f64) {
-        if column <= row {
-            self.rows[row][column - self.first[row]] += value;
-        }
-    }
-
-    /// Holds an unknown.
-    fn hold(&mut self, held: usize, value: f64) {
-        let first = self.first[held];
-        for column in first..held {
-            let weight = std::mem::take(&mut self.rows[held][column - first]);
-            self.right[column] -= weight * value;
-        }
-        for row in held + 1..self.rows.len() {
-            if self.first[row] <= held {
-                let weight = std::mem::take(&mut self.rows[row][held - self.first[row]]);
-                self.right[row] -= weight * value;
-            }
-        }
-        self.rows[held][held - first] = 1.0;
-        self.right[held] = value;
-    }
-
-    /// LLᵀ in place, forwards, backwards.
-    fn solved(mut self) -> Vec<f64> {
-        for row in 0..self.rows.len() {
-            let first = self.first[row];
-            let (above, own) = self.rows.split_at_mut(row);
-            let own = &mut own[0];
-            for column in first..row {
-                let other = &above[column];
-                let from = first.max(self.first[column]);
-                let (mine, its) = (
-                    &own[from - first..column - first],
-                    &other[from - self.first[column]..column - self.first[column]],
-                );
-                let sum = dot(mine, its);
-                let pivot = other[column - self.first[column]];
-                own[column - first] = (own[column - first] - sum) / pivot;
-            }
-            let squares = dot(&own[..row - first], &own[..row - first]);
-            // A pivot that rounding has brought to 0 belongs to a place that nothing holds.
-            own[row - first] = (own[row - first] - squares).max(f64::MIN_POSITIVE).sqrt();
-        }
-        let mut solution = self.right;
-        for row in 0..self.rows.len() {
-            let first = self.first[row];
-            let own = &self.rows[row];
-            let known = solution[first..row].iter().zip(own);
-            let sum: f64 = known.map(|(a, b)| a * b).sum();
-            solution[row] = (solution[row] - sum) / own[row - first];
-        }
-        for row in (0..self.rows.len()).rev() {
-            let first = self.first[row];
-            let own = &self.rows[row];
-            solution[row] /= own[row - first];
-            let here = solution[row];
-            for (value, weight) in solution[first..row].iter_mut().zip(own) {
-                *value -= weight * here;
-            }
-        }
-        solution
-    }
-}
-
-/// Sum of products, in four sums side by side: one alone waits for each addition.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (fours, others) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest = fours.remainder().iter().zip(others.remainder());
-    let rest: f64 = rest.map(|(a, b)| a * b).sum();
-    let mut sums = [0.0; 4];
-    for (a, b) in fours.zip(others) {
-        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
-            *sum += a * b;
-        }
-    }
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ pub mod conformal;
 pub mod coverage;
 pub mod edge_index;
 pub mod edge_meeting;
+pub mod envelope;
 pub mod frame;
 pub mod hermite;
 pub mod place_scale;

@@ -117,15 +117,26 @@ impl SplineSurface {
         }
     }
 
-    fn fitted(points: &[[f64; 3]], bounds: Box2, pitch_mm: f64) -> SplineSurface {
+    /// The surface over `bounds` through `points` on the grid of one pitch. `None` without points.
+    pub fn on_grid(points: &[[f64; 3]], bounds: Box2, pitch_mm: f64) -> Option<SplineSurface> {
+        (!points.is_empty()).then(|| SplineSurface::fitted(points, bounds, pitch_mm))
+    }
+
+    /// The plane z = 0 over `bounds`.
+    pub fn level(bounds: Box2, pitch_mm: f64) -> SplineSurface {
         let size = bounds.size();
         let count = [size.x, size.y].map(|side| (side / pitch_mm).ceil() as usize + 3);
-        let mut surface = SplineSurface {
+        SplineSurface {
             low: bounds.min,
             pitch_mm,
             count,
             control_mm: vec![0.0; count[0] * count[1]],
-        };
+        }
+    }
+
+    fn fitted(points: &[[f64; 3]], bounds: Box2, pitch_mm: f64) -> SplineSurface {
+        let mut surface = SplineSurface::level(bounds, pitch_mm);
+        let count = surface.count;
         // About the mean: control heights without any point stay there.
         let mean_mm = points.iter().map(|p| p[2]).sum::<f64>() / points.len() as f64;
         let mut equations = Equations::new(count, STIFFNESS * points.len() as f64);

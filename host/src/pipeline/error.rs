@@ -1,6 +1,7 @@
 //! Why a target cannot be planned, whatever it was read from.
 
 use super::surface::SurfaceError;
+use super::surface::curved_layers::CurvedLayersError;
 use crate::gcode::GcodeError;
 use crate::geometry::Point2;
 use crate::job::transform::PlaceError;
@@ -51,6 +52,9 @@ pub enum PlanError {
     /// The plan does not go onto its surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
+    /// The part is not printed in curved layers.
+    #[error(transparent)]
+    CurvedLayers(#[from] CurvedLayersError),
     /// Travel around the keep-outs.
     #[error(transparent)]
     Travel(#[from] TravelError),

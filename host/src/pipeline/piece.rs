@@ -157,7 +157,9 @@ impl Piece {
 }
 
 /// Boundary of regions that cannot be touched, input coordinates.
-pub fn unreachable_boundary(regions: &[RegionPlan]) -> Vec<UnreachableRun> {
+pub fn unreachable_boundary<'a>(
+    regions: impl IntoIterator<Item = &'a RegionPlan>,
+) -> Vec<UnreachableRun> {
     let in_input = |region: &RegionPlan| {
         let offset = region.contour.offset;
         let shifted = move |run: &UnreachableRun| UnreachableRun {
@@ -166,7 +168,7 @@ pub fn unreachable_boundary(regions: &[RegionPlan]) -> Vec<UnreachableRun> {
         };
         region.unreachable.iter().map(shifted).collect::<Vec<_>>()
     };
-    regions.iter().flat_map(in_input).collect()
+    regions.into_iter().flat_map(in_input).collect()
 }
 
 /// Hashes what is written to it.

@@ -3,6 +3,7 @@
 use super::layer_time::SlowedLayers;
 use super::stack::LeftOut;
 use super::surface::OnSurface;
+use super::surface::curved_layers::CurvedFigures;
 use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
@@ -54,6 +55,8 @@ pub struct Plan {
     pub touches: Option<Touches>,
     /// The surface that it lies on, where there is one.
     pub on_surface: Option<OnSurface>,
+    /// What became of its curved layers, where it has some.
+    pub curved_layers: Option<CurvedFigures>,
     /// Layers that were slowed to last long enough.
     pub slowed: SlowedLayers,
     /// Everything the head does.

@@ -129,6 +129,7 @@ pub(crate) fn plan_stack(
         singular: SingularPlaces::default(),
         touches: None,
         on_surface: None,
+        curved_layers: None,
         slowed,
         route,
         stream,

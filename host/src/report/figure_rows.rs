@@ -1,6 +1,6 @@
 //! The rows of the tables of figures: a name, and a value with its unit where it is known.
 
-use super::figures::{Figures, KindFigures};
+use super::figures::{CurvedLayerFigures, Figures, KindFigures};
 
 /// Layers that are told in text, those that take longest.
 const LAYERS_TOLD: usize = 3;
@@ -53,8 +53,10 @@ impl Figures {
     }
 
     pub(super) fn layer_rows(&self) -> Vec<(String, Option<String>)> {
-        let rows: [Row; 3] = [
+        let curved = self.curved_layers.as_ref();
+        let rows: [Row; 4] = [
             ("layers", count(self.layers)),
+            ("curved layers", curved.map(CurvedLayerFigures::text)),
             (
                 "covered, least of a layer",
                 number(self.covered_pct_min, 2, "%"),

@@ -4,6 +4,7 @@
 //! has no meaning (a plan that was not simulated has no `tip_error_um_max`).
 
 pub use super::corner_figures::CornerFigures;
+pub use super::curved_layer_figures::CurvedLayerFigures;
 use super::figure_rows::Row;
 pub use super::layer_figures::{Inside, KindFigures, LayerFigures, LayerPlace, UseFigures};
 pub use super::verdict_figures::{AgainstFigures, VerdictFigures};
@@ -44,6 +45,9 @@ pub struct Figures {
     /// Layers, where there are several.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layers: Option<u64>,
+    /// Layers that follow the top of a part, where there are some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub curved_layers: Option<CurvedLayerFigures>,
     /// Those that are planned alike, by their first one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layer_kinds: Option<Vec<KindFigures>>,

@@ -12,6 +12,7 @@ mod canvas;
 pub mod compare_picture;
 mod corner_figures;
 pub mod coverage_picture;
+mod curved_layer_figures;
 mod figure_rows;
 pub mod figures;
 pub mod job_texts;

@@ -2,6 +2,7 @@
 
 mod controller;
 mod curved_ground;
+mod curved_layers;
 mod gcode;
 mod headings;
 mod inputs;

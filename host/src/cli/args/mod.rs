@@ -168,6 +168,10 @@ pub(crate) struct PlaceArgs {
     /// leans from Z by no more than that.
     #[arg(long, value_name = "REGION", requires = "surface")]
     pub surface_region: Option<String>,
+    /// Layers of a mesh that follow its tops instead of standing off them in stairs: all of them, so many over flat ones
+    /// (skin:M, or skin for 3), or what leaves the smaller stairs (auto). Curved layers are solid.
+    #[arg(long, value_name = "auto|all|skin[:M]", conflicts_with = "surface")]
+    pub curved_layers: Option<String>,
     /// Waypoints further apart than this end a pass: retract, travel clear of what is printed, prime
     /// [default: six times the usual spacing].
     #[arg(long, value_name = "MM")]

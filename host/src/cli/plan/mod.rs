@@ -5,6 +5,7 @@ pub(crate) mod headings;
 pub(crate) mod missing_heat;
 pub(crate) mod piece_cache;
 pub(crate) mod planned;
+pub(crate) mod planned_curved;
 pub(crate) mod planned_gcode;
 pub(crate) mod planned_part;
 pub(crate) mod planned_patch;

@@ -2,7 +2,7 @@
 
 use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
 use crate::cli::error::CliError;
-use crate::cli::plan::{planned_gcode, planned_part, planned_patch};
+use crate::cli::plan::{planned_curved, planned_gcode, planned_part, planned_patch};
 use crate::cli::reading::job;
 use crate::cli::reading::job::Job;
 use crate::cli::reading::{copies, load, load_run};
@@ -97,6 +97,15 @@ fn planned_input(
     let surface = load_run::surface(place, reading)?;
     let keep_out = load::keep_out(place.keep_out.as_deref(), reading, &settings, console)?;
     let input = match input {
+        Input::Mesh(loaded) if place.curved_layers.is_some() => {
+            return planned_curved::from_mesh(
+                path,
+                loaded,
+                (place, settings_args),
+                settings,
+                console,
+            );
+        }
         Input::Mesh(loaded) => {
             return planned_part::from_mesh(path, loaded, place, &keep_out, settings, job, console);
         }
@@ -216,6 +225,12 @@ fn check_options(
         }
         (Input::Mesh(_) | Input::Path(_) | Input::Gcode(_), ..) if place.surface.is_some() => {
             "--surface goes with outlines: only they are laid on a surface".to_string()
+        }
+        (Input::Outline(_) | Input::Path(_) | Input::Gcode(_), ..)
+            if place.curved_layers.is_some() =>
+        {
+            "--curved-layers goes with meshes (STL, 3MF, OBJ): only a part has tops to follow"
+                .to_string()
         }
         (Input::Path(_) | Input::Gcode(_), ..) if copies::option(place).is_some() => {
             let option = copies::option(place).unwrap_or_default();

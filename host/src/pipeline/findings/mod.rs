@@ -23,11 +23,12 @@ use crate::pipeline::layer_uses::{LayerUse, layer_uses};
 use crate::pipeline::open_ground::{self, OpenGround, open_ground, told_mm2};
 use crate::pipeline::piece::unreachable_boundary;
 use crate::pipeline::stacked_ground::open_cells;
+use crate::pipeline::surface::curved_layers::CurvedFigures;
 use crate::plan::judge::figures::PlanFigures;
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
-use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
+use crate::report::figures::{CurvedLayerFigures, Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use left_out::{left_out, longest_first};
 use objections::Objection;
@@ -58,14 +59,21 @@ pub struct Findings {
 
 /// Looks a plan over that took `plan_s` seconds.
 pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
-    let unreachable = match &plan.on_surface {
-        Some(laid) => laid.unreachable.clone(),
-        None => unreachable_boundary(plan.regions()),
+    let unreachable = match (&plan.on_surface, &plan.curved_layers) {
+        (Some(laid), _) => laid.unreachable.clone(),
+        (_, Some(curved)) => curved.unreachable.clone(),
+        _ => unreachable_boundary(plan.regions()),
     };
     let mut warnings = warnings(plan, &unreachable, settings);
-    let open = match &plan.on_surface {
-        Some(laid) => laid.open_ground(),
-        None => open_ground(plan, settings),
+    let open = match (&plan.on_surface, &plan.curved_layers) {
+        (Some(laid), _) => laid.open_ground(),
+        (_, Some(curved)) => {
+            let mut open = curved.open_ground();
+            open.extend(open_ground(plan, settings));
+            open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+            open
+        }
+        _ => open_ground(plan, settings),
     };
     let all_mm2 = told_mm2(&open, settings);
     warnings.extend(open_ground::note(&open, all_mm2, |_| None, settings));
@@ -96,7 +104,8 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
 /// The largest piece of ground that stays open; a path has none.
 fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
     let largest = open.first().map_or(0.0, |piece| piece.area_mm2);
-    (!plan.prints.is_empty() || plan.on_surface.is_some()).then_some(largest)
+    let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
+    (!plan.prints.is_empty() || is_laid).then_some(largest)
 }
 
 fn all_figures(
@@ -139,7 +148,8 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     let f = &plan.figures;
     let passes = f.passes as u64;
     // A path has no area: these figures would mean nothing.
-    let has_area = !plan.regions().is_empty() || plan.on_surface.is_some();
+    let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
+    let has_area = !plan.regions().is_empty() || is_laid;
     let of_area = |figure: f64| has_area.then_some(figure);
     let infill = plan.infill_area_mm2(None);
     let place = |run: &UnreachableRun| {
@@ -150,6 +160,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     Figures {
         area_mm2: of_area(f.area_mm2),
         layers: is_stack.then_some(u64::from(f.layers)),
+        curved_layers: plan.curved_layers.as_ref().map(curved_layer_figures),
         layer_kinds: (is_stack && !plan.kinds.is_empty()).then(|| kind_figures(plan)),
         covered_pct_min: is_stack.then_some(f.covered_pct_min),
         overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
@@ -187,6 +198,18 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
         segments: Some(plan.stream.knots.len() as u64),
         ..sparse_figures(f, plan.sparse_area_mm2(None).unwrap_or_default())
+    }
+}
+
+fn curved_layer_figures(curved: &CurvedFigures) -> CurvedLayerFigures {
+    CurvedLayerFigures {
+        flat_layers: u64::from(curved.layers[0]),
+        curved_layers: u64::from(curved.layers[1]),
+        stair_error_flat_mm3: curved.stair_error_mm3[0],
+        stair_error_mm3: curved.stair_error_mm3[1],
+        thickness_min: curved.thickness[0],
+        thickness_max: curved.thickness[1],
+        slope_max_deg: curved.slope_max_rad.to_degrees(),
     }
 }
 

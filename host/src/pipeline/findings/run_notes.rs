@@ -16,6 +16,9 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
     let notes = [
         on_surface(plan),
         sharp_bend(plan),
+        curved_layers(plan),
+        hangs(plan),
+        left_out(plan),
         found_place(plan),
         leans(plan),
         singular_places(&plan.singular),
@@ -49,6 +52,45 @@ fn sharp_bend(plan: &Plan) -> Option<String> {
     ))
 }
 
+/// What curved layers leave of the stairs.
+fn curved_layers(plan: &Plan) -> Option<String> {
+    let curved = plan.curved_layers.as_ref()?;
+    let ([flat, own], [flat_mm3, own_mm3]) = (curved.layers, curved.stair_error_mm3);
+    Some(format!(
+        "{own} curved layers and {flat} flat ones leave {own_mm3:.2} mm³ between the printed top and the part's, flat layers \
+         alone {flat_mm3:.2}; they are {:.2} to {:.2} times as thick as nominal and slope by up to {:.1}°",
+        curved.thickness[0],
+        curved.thickness[1],
+        curved.slope_max_rad.to_degrees()
+    ))
+}
+
+/// What of a part in curved layers hangs.
+fn hangs(plan: &Plan) -> Option<String> {
+    let (area_mm2, [x, y, z]) = plan.curved_layers.as_ref()?.hanging?;
+    Some(format!(
+        "{area_mm2:.2} mm² hang farther than half a bead over what is below, the most near ({x:.2}, {y:.2}, {z:.2}), and neither \
+         supports nor bridges are made with curved layers: turn the part (--rotate) or print supports with it"
+    ))
+}
+
+/// Regions of curved and flat layers that are not printed.
+fn left_out(plan: &Plan) -> Option<String> {
+    plan.curved_layers.as_ref()?;
+    let all_mm2: f64 = plan.left_out.iter().map(|own| own.area_mm2).sum();
+    let largest = plan.left_out.iter();
+    let largest = largest.max_by(|a, b| a.area_mm2.total_cmp(&b.area_mm2))?;
+    Some(format!(
+        "{} regions, {all_mm2:.3} mm², are not printed; the largest: {:.3} mm² near ({:.2}, {:.2}) on layer {}: {}",
+        plan.left_out.len(),
+        largest.area_mm2,
+        largest.at.x,
+        largest.at.y,
+        largest.layer + 1,
+        largest.why
+    ))
+}
+
 /// Where the run was laid.
 fn found_place(plan: &Plan) -> Option<String> {
     let found = plan.found_place?;
@@ -72,7 +114,7 @@ fn leans(plan: &Plan) -> Option<String> {
 /// That nobody looked for touches, where a head that tilts has no shape.
 fn head_unknown(plan: &Plan, settings: &Settings) -> Option<String> {
     let tilts = settings.machine.kinematics != Kinematics::Planar;
-    let is_run = plan.kinds.is_empty();
+    let is_run = plan.kinds.is_empty() || plan.curved_layers.is_some();
     (plan.touches.is_none() && tilts && is_run).then(|| {
         String::from(
             "whether the head touches table or print was not looked at: its shape is not in the \
@@ -151,7 +193,8 @@ fn singular_places(singular: &SingularPlaces) -> Option<String> {
 
 /// What became of the corners; `None` where none were to be rounded.
 pub(super) fn corner_figures(plan: &Plan, settings: &Settings) -> Option<CornerFigures> {
-    let is_run = plan.kinds.is_empty() && plan.on_surface.is_none();
+    let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
+    let is_run = plan.kinds.is_empty() && !is_laid;
     let told = &plan.rounded;
     (is_run && settings.tolerances.corner_mm > 0.0).then(|| CornerFigures {
         path: told.path as u64,

@@ -40,8 +40,7 @@ pub struct HeightGround {
 }
 
 /// The ground of an outline.
-struct Site<'a> {
-    map: &'a HeightMap<'a>,
+struct Site {
     walls: EdgeIndex,
     bounds: Box2,
     /// Beyond the outline so much must be smooth: what a nozzle reaches.
@@ -66,35 +65,56 @@ impl HeightGround {
                 under(map, p + (q - p) * (step as f64 / steps as f64))?;
             }
         }
-        let edges = edges.into_iter().map(|(a, b)| Edge { a, b }).collect();
-        let walls = EdgeIndex::new(edges, MARGIN_MM);
+        let walls = walls_of(edges);
+        HeightGround::charted(&walls, settings, |site, margin_mm| {
+            site.fitted(map, margin_mm, settings)
+        })
+    }
+
+    /// Smooth heights over regions, as they are.
+    ///
+    /// # Errors
+    /// [`SurfaceError::NotFlat`].
+    pub fn of_heights(
+        regions: &[Region],
+        heights: impl Fn(Box2) -> FittedSurface,
+        settings: &Settings,
+    ) -> Result<HeightGround, SurfaceError> {
+        let walls = walls_of(regions.iter().flat_map(Region::edges).collect());
+        HeightGround::charted(&walls, settings, |site, _| Ok(heights(site.bounds)))
+    }
+
+    fn charted(
+        walls: &EdgeIndex,
+        settings: &Settings,
+        fitted: impl Fn(&Site, f64) -> Result<FittedSurface, SurfaceError>,
+    ) -> Result<HeightGround, SurfaceError> {
         let smooth_mm = skirt_reach_mm(settings) + settings.aperture.reach_mm();
         let mut margin_mm = smooth_mm + MARGIN_MM;
-        let mut found = Err(FlattenError::Empty);
+        let mut found = (FlattenError::Empty, 0.0);
+        let at = walls.bounds().min;
         for _ in 0..DOUBLINGS {
             let bounds = walls.bounds().grown(margin_mm);
             let size = bounds.size();
             let site = Site {
-                map,
                 step_mm: (size.x.max(size.y) / SAMPLES_MAX).max(SAMPLE_MM),
                 bounds,
                 smooth_mm,
                 walls: walls.clone(),
             };
-            let fitted = site.fitted(margin_mm, settings)?;
+            let fitted = fitted(&site, margin_mm)?;
             match site.chart(&fitted.surface, margin_mm, settings) {
                 Err(FlattenError::NotConnected { .. }) => margin_mm *= 2.0,
                 Ok(chart) => return Ok(HeightGround { fitted, chart }),
                 Err(error) => {
-                    found = Err(error);
+                    found = (error, fitted.surface.jet(at.x, at.y).z_mm);
                     break;
                 }
             }
         }
-        let at = walls.bounds().min;
-        found.map_err(|problem| SurfaceError::NotFlat {
-            problem,
-            at_mm: [at.x, at.y, map.top_mm(at).unwrap_or_default()],
+        Err(SurfaceError::NotFlat {
+            problem: found.0,
+            at_mm: [at.x, at.y, found.1],
         })
     }
 
@@ -116,17 +136,27 @@ pub fn under(map: &HeightMap, p: Point2) -> Result<(), SurfaceError> {
     }
 }
 
-impl Site<'_> {
+fn walls_of(edges: Vec<(Point2, Point2)>) -> EdgeIndex {
+    let edges = edges.into_iter().map(|(a, b)| Edge { a, b }).collect();
+    EdgeIndex::new(edges, MARGIN_MM)
+}
+
+impl Site {
     fn beyond_mm(&self, x: f64, y: f64) -> f64 {
         -self.walls.signed_distance_mm(Point2::new(x, y))
     }
 
     /// Smooth heights over the outline and its margin.
-    fn fitted(&self, margin_mm: f64, settings: &Settings) -> Result<FittedSurface, SurfaceError> {
-        let mut points = self.map.samples(self.bounds, self.step_mm);
+    fn fitted(
+        &self,
+        map: &HeightMap,
+        margin_mm: f64,
+        settings: &Settings,
+    ) -> Result<FittedSurface, SurfaceError> {
+        let mut points = map.samples(self.bounds, self.step_mm);
         points.retain(|p| {
             let beyond_mm = self.beyond_mm(p[0], p[1]);
-            beyond_mm <= self.smooth_mm || (beyond_mm <= margin_mm && self.is_level(p))
+            beyond_mm <= self.smooth_mm || (beyond_mm <= margin_mm && self.is_level(map, p))
         });
         let near_mm = NEAR_SHARE * settings.layer_height_mm;
         let fitted = SplineSurface::through(&points, self.bounds, near_mm, 2.0 * self.step_mm);
@@ -146,11 +176,11 @@ impl Site<'_> {
     }
 
     /// True where the mesh goes on around a sample.
-    fn is_level(&self, p: &[f64; 3]) -> bool {
+    fn is_level(&self, map: &HeightMap, p: &[f64; 3]) -> bool {
         let beside = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
         beside.iter().all(|[x, y]| {
             let at = Point2::new(p[0] + x * self.step_mm, p[1] + y * self.step_mm);
-            let top_mm = self.map.top_mm(at);
+            let top_mm = map.top_mm(at);
             top_mm.is_some_and(|top_mm| (top_mm - p[2]).abs() < 4.0 * self.step_mm)
         })
     }

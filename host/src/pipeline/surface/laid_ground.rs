@@ -127,18 +127,7 @@ impl OnSurface {
 
     /// Open places of all layers, the largest first.
     pub fn open_ground(&self) -> Vec<OpenGround> {
-        let layers = self.layers.iter();
-        let open = layers.flat_map(|layer| {
-            layer.open.iter().map(|place| OpenGround {
-                area_mm2: place.area_mm2,
-                at: Point2::new(place.at_mm[0], place.at_mm[1]),
-                layer: layer.layer,
-                layers: 1,
-            })
-        });
-        let mut open: Vec<OpenGround> = open.collect();
-        open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
-        open
+        open_places(&self.layers)
     }
 
     /// A place of the chart as it is seen from above.
@@ -152,6 +141,21 @@ impl OnSurface {
         let tip = Vector3::from_fn(|axis, _| pose[CHANNEL_X + axis]);
         self.chart.jet(self.chart.place(tip)).at_mm
     }
+}
+
+/// Open places of layers, the largest first.
+pub(super) fn open_places(layers: &[LayerSwept]) -> Vec<OpenGround> {
+    let open = layers.iter().flat_map(|layer| {
+        layer.open.iter().map(|place| OpenGround {
+            area_mm2: place.area_mm2,
+            at: Point2::new(place.at_mm[0], place.at_mm[1]),
+            layer: layer.layer,
+            layers: 1,
+        })
+    });
+    let mut open: Vec<OpenGround> = open.collect();
+    open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+    open
 }
 
 /// The nozzle's scale over regions and what lies beside them as far as a nozzle and a skirt reach.

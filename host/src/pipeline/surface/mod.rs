@@ -10,6 +10,7 @@
 //! a part of the plan, steps and bends that a flat nozzle cannot follow, ground that cannot be flattened, a head that does
 //! not tilt or would touch the surface.
 
+pub mod curved_layers;
 pub mod error;
 mod height_ground;
 mod laid_ground;
@@ -218,6 +219,7 @@ impl ChartJob {
         let on = LaidOn {
             chart: &*laid.chart,
             scale: &laid.scale,
+            volume_factor: None,
         };
         let moves = on_surface(&routed.route, &on, settings).map_err(SurfaceError::from)?;
         let regions = routed.kinds.iter().take(1).flat_map(|kind| &kind.regions);
@@ -329,6 +331,7 @@ fn laid_out(
         scale: &laid.scale,
         regions: &laid.regions,
         transform: &transform,
+        lowest_layer: 0,
     };
     let layers = sweep_ground(&stream, &ground, is_of_regions, settings);
     let numbers: Vec<u32> = layers.iter().map(|swept| swept.layer).collect();

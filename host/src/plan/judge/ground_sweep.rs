@@ -53,6 +53,8 @@ pub struct CurvedGround<'a> {
     pub regions: &'a [Region],
     /// From the ground's coordinates to the machine's.
     pub transform: &'a PartTransform,
+    /// The layer that lies on the ground.
+    pub lowest_layer: u32,
 }
 
 /// What a layer came to.
@@ -103,7 +105,8 @@ pub fn sweep_ground(
     layers
         .par_iter()
         .map(|(layer, poses)| {
-            let top_mm = settings.layer_height_mm * f64::from(layer + 1);
+            let above = layer.saturating_sub(ground.lowest_layer) + 1;
+            let top_mm = settings.layer_height_mm * f64::from(above);
             let job = LayerJob {
                 ground,
                 walls: &walls,

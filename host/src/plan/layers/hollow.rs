@@ -13,7 +13,7 @@ use crate::plan::layers::shells::{ShellLayers, solid_ground};
 use crate::settings::{BOTTOM_LAYERS, Infill, Settings, TOP_LAYERS};
 
 /// Beads from one line of the infill to the next that a solid layer spans as it is: 5 at 20 %, 6.7 at 15 %.
-const SPAN_BEADS_MAX: f64 = 6.0;
+pub const SPAN_BEADS_MAX: f64 = 6.0;
 
 /// A part with such an inside.
 #[derive(Clone, Copy, Debug)]

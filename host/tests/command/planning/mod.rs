@@ -3,6 +3,7 @@
 mod api;
 mod awkward;
 mod copies;
+mod curved_layers;
 mod dxf;
 mod gcode;
 mod gcode_axes;

@@ -64,6 +64,8 @@ pub struct LaidOn<'a> {
     pub chart: &'a dyn Chart,
     /// The nozzle's scale that the plan was made with.
     pub scale: &'a ScaleField,
+    /// Volume over a place of the plan for one of the plan's, where layers are not as thick everywhere.
+    pub volume_factor: Option<&'a (dyn Fn(Point2) -> f64 + Sync)>,
 }
 
 /// Carries a route over. The moves before the first prime or print are left out.
@@ -168,8 +170,11 @@ impl SurfaceMap<'_> {
         self.ground.chart.frame(place(pose), pose[CHANNEL_Z])
     }
 
-    /// The area that the middle of the layer has for one of the plan.
-    fn area_factor(&self, pose: &Point) -> f64 {
+    /// The volume of the layer for one of the plan: where it is as thick, the area of its middle.
+    fn volume_factor(&self, pose: &Point) -> f64 {
+        if let Some(volume_factor) = self.ground.volume_factor {
+            return volume_factor(place(pose));
+        }
         let mut middle = *pose;
         middle[CHANNEL_Z] -= 0.5 * self.settings.layer_height_mm;
         self.frame(&middle).area_factor()
@@ -282,7 +287,7 @@ impl SurfaceMap<'_> {
         }
         let [from, to] = [&planned[index - 1], &planned[index]];
         let middle: Point = std::array::from_fn(|channel| 0.5 * (from[channel] + to[channel]));
-        grown_mm3 * self.area_factor(&middle)
+        grown_mm3 * self.volume_factor(&middle)
     }
 }
 

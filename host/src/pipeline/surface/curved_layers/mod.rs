@@ -1,0 +1,317 @@
+//! Curved layers of a part: tops that are not flat lose their stairs.
+//!
+//! ```text
+//! Mesh --seen from above--> TopGrid --pieces--> smooth tops --skin or field--> [PartLayer] --> stair error
+//! (mm, on the bed)          (mm)                (mm)                         (flat or curved, regions)
+//!   --planned in the plane or in a chart--> moves --one after another--> Route --> as for surfaces
+//! ```
+//! In: a closed mesh (mm, input coordinates). Out: a [`Plan`] whose layers follow each other as one job. **Skin**: flat
+//! layers with so many curved ones over them ([`skin`]). **All**: one smooth function has the layers as its whole values
+//! ([`field`]). Which of them, unless it is said, is what leaves less of the stairs, or as much in less time. Leaves out:
+//! supports, keep-outs, copies, layers of several heights; curved layers are solid.
+
+mod all_curved;
+mod error;
+mod field;
+mod laid_layer;
+pub mod layer_shape;
+mod one_job;
+mod sections;
+mod skin;
+mod smooth_top;
+mod stair_error;
+mod top_grid;
+
+pub use error::CurvedLayersError;
+
+use super::laid_ground::open_places;
+use crate::geometry::polygon::Region;
+use crate::mesh::slice::Slicer;
+use crate::mesh::{Mesh, Point3};
+use crate::pipeline::open_ground::OpenGround;
+use crate::pipeline::{Plan, PlanError};
+use crate::plan::judge::ground_sweep::LayerSwept;
+use crate::plan::layers::hollow::SPAN_BEADS_MAX;
+use crate::plan::layers::shells::overhangs;
+use crate::plan::outline::unreachable::UnreachableRun;
+use crate::plan::progress::Progress;
+use crate::settings::{LAYERS_MAX, Settings};
+use headway_firmware::configuration::Kinematics;
+use layer_shape::PartLayer;
+use rayon::prelude::*;
+use smooth_top::FollowedTop;
+use stair_error::Bounds;
+use top_grid::{Piece, TopGrid};
+
+/// Least area of a piece of the top, of the nozzle's half length squared: room for a few beads.
+const PIECE_AREA: f64 = 16.0;
+/// How deep the end of a nozzle that stays upright may be in a slope, of a layer: in the mean beads are then half as far off
+/// the slope as the stairs of flat layers, a quarter of a layer.
+const HANG_SHARE: f64 = 0.3;
+/// Curved layers of a skin, where nobody says how many.
+pub const SKIN_LAYERS: u32 = 3;
+
+/// Which layers are curved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CurvedLayers {
+    /// All or a skin, by the stair error that is left.
+    #[default]
+    Auto,
+    /// All of them.
+    All,
+    /// So many on top of flat ones.
+    Skin(u32),
+}
+
+/// What curved layers come to.
+#[derive(Clone, Debug, Default)]
+pub struct CurvedFigures {
+    /// Layers that are flat, and that are curved.
+    pub layers: [u32; 2],
+    /// Volume between the printed top and the part's, with flat layers and as planned, mm³.
+    pub stair_error_mm3: [f64; 2],
+    /// Least and greatest thickness of curved layers, of the nominal one.
+    pub thickness: [f64; 2],
+    /// Steepest slope of one, rad.
+    pub slope_max_rad: f64,
+    /// What of the part hangs farther than half a bead over what is below, mm², and the worst place, input coordinates.
+    pub hanging: Option<(f64, [f64; 3])>,
+    /// What was covered of curved layers.
+    pub swept: Vec<LayerSwept>,
+    /// Boundary that is not reached, input coordinates.
+    pub unreachable: Vec<UnreachableRun>,
+}
+
+impl CurvedFigures {
+    /// Open places of curved layers, the largest first.
+    pub fn open_ground(&self) -> Vec<OpenGround> {
+        open_places(&self.swept)
+    }
+}
+
+/// A part on its way.
+struct Job<'a> {
+    mesh: Mesh,
+    grid: TopGrid,
+    layer_mm: f64,
+    /// Where the mesh stood, mm.
+    bed_mm: f64,
+    settings: &'a Settings,
+}
+
+/// A part divided into layers.
+#[derive(Clone, Debug)]
+pub struct DividedPart {
+    /// Its layers, in the order that they are printed in; heights are those above the bed, mm.
+    pub layers: Vec<PartLayer>,
+    /// What they come to.
+    pub figures: CurvedFigures,
+}
+
+/// Plans a part in curved layers.
+///
+/// # Errors
+/// [`PlanError`], of the layers [`CurvedLayersError`].
+pub fn plan_curved_layers(
+    mesh: &Mesh,
+    asked: CurvedLayers,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Plan, PlanError> {
+    settings.check()?;
+    let bed_mm = mesh.bounds_mm()[0].z;
+    let divided = divided(mesh, asked, settings)?;
+    one_job::planned(&divided.layers, bed_mm, divided.figures, settings, progress)
+}
+
+/// Divides a part into layers, some of them curved; nothing is planned.
+///
+/// # Errors
+/// [`CurvedLayersError`].
+pub fn divided(
+    mesh: &Mesh,
+    asked: CurvedLayers,
+    settings: &Settings,
+) -> Result<DividedPart, CurvedLayersError> {
+    let job = Job::of(mesh, settings)?;
+    let Division {
+        layers,
+        stair_error_mm3,
+        bounds,
+    } = job.divided(asked)?;
+    let flat_mm3 = stair_error::of_flat_layers(&job.grid, job.layer_mm);
+    let curved = layers.iter().filter(|layer| layer.is_curved()).count() as u32;
+    Ok(DividedPart {
+        figures: CurvedFigures {
+            layers: [layers.len() as u32 - curved, curved],
+            stair_error_mm3: [flat_mm3, stair_error_mm3],
+            thickness: bounds.thickness,
+            slope_max_rad: bounds.slope.atan(),
+            hanging: job.hanging(),
+            ..CurvedFigures::default()
+        },
+        layers,
+    })
+}
+
+/// Layers, judged.
+struct Division {
+    layers: Vec<PartLayer>,
+    stair_error_mm3: f64,
+    bounds: Bounds,
+}
+
+impl<'a> Job<'a> {
+    fn of(mesh: &Mesh, settings: &'a Settings) -> Result<Job<'a>, CurvedLayersError> {
+        let bed_mm = mesh.bounds_mm()[0].z;
+        let vertices = mesh.vertices.iter();
+        let mesh = Mesh {
+            vertices: vertices
+                .map(|p| Point3::new(p.x, p.y, p.z - bed_mm))
+                .collect(),
+            triangles: mesh.triangles.clone(),
+        };
+        let grid = TopGrid::of(&mesh, settings.aperture.unit_mm());
+        let layer_mm = settings.layer_height_mm;
+        let layers = (grid.highest_mm() / layer_mm).round();
+        if layers > f64::from(LAYERS_MAX) {
+            let most = LAYERS_MAX;
+            return Err(CurvedLayersError::TooManyLayers { layers, most });
+        }
+        Ok(Job {
+            mesh,
+            grid,
+            layer_mm,
+            bed_mm,
+            settings,
+        })
+    }
+
+    /// Tangent of the steepest slope that is followed.
+    fn slope_max(&self) -> f64 {
+        let head = self.settings.head.as_ref();
+        let free_tilt_rad = head.map_or(FREE_TILT_UNKNOWN_RAD, |head| head.free_tilt_rad());
+        match self.tilts() {
+            true => free_tilt_rad.tan().min(SLOPE_MAX),
+            // What the upper end of the nozzle is below the ground beside it.
+            false => HANG_SHARE * self.layer_mm / self.settings.aperture.major_mm(),
+        }
+    }
+
+    /// Whether the tool axis can follow a slope.
+    fn tilts(&self) -> bool {
+        self.settings.machine.kinematics != Kinematics::Planar
+    }
+
+    /// What hangs, as flat layers would have it.
+    fn hanging(&self) -> Option<(f64, [f64; 3])> {
+        let count = (self.grid.highest_mm() / self.layer_mm + 0.5).floor() as u32;
+        let middles = (0..count).map(|number| self.layer_mm * (f64::from(number) + 0.5));
+        let sections = Slicer::new(&self.mesh).sections(&middles.collect::<Vec<_>>());
+        let outlines: Vec<&[Region]> = sections.iter().map(|s| s.regions.as_slice()).collect();
+        let reach_mm = self.settings.aperture.major_mm();
+        let hanging = overhangs(&outlines, |_| Vec::new(), |_| Vec::new(), reach_mm);
+        let all_mm2: f64 = hanging.iter().map(|of_layer| of_layer.area_mm2).sum();
+        let worst = hanging.iter().enumerate();
+        let worst = worst.max_by(|a, b| a.1.area_mm2.total_cmp(&b.1.area_mm2));
+        let (number, worst) = worst.filter(|(_, worst)| worst.area_mm2 > 0.0)?;
+        let z_mm = self.bed_mm + self.layer_mm * number as f64;
+        Some((all_mm2, [worst.at.x, worst.at.y, z_mm]))
+    }
+
+    fn pieces(&self) -> Result<Vec<Piece>, CurvedLayersError> {
+        let area_min_mm2 = PIECE_AREA * self.settings.aperture.major_mm().powi(2);
+        let pieces = self
+            .grid
+            .pieces(self.slope_max(), area_min_mm2, self.layer_mm);
+        match pieces.is_empty() {
+            true => Err(CurvedLayersError::NoCurvedTop {
+                slope_max_deg: self.slope_max().atan().to_degrees(),
+                area_min_mm2,
+            }),
+            false => Ok(pieces),
+        }
+    }
+
+    fn divided(&self, asked: CurvedLayers) -> Result<Division, CurvedLayersError> {
+        self.check_inside(asked)?;
+        let pieces = self.pieces()?.into_par_iter();
+        let tops: Vec<FollowedTop> = pieces.map(|piece| FollowedTop::of(self, piece)).collect();
+        let skin = |count: u32| Ok(self.judged(skin::layers_with_skin(self, &tops, count)?));
+        let usual = SKIN_LAYERS.min(skin::layers_max(self, &tops).0).max(1);
+        match asked {
+            CurvedLayers::Skin(count) => skin(count),
+            CurvedLayers::All => self.all(&tops),
+            CurvedLayers::Auto if self.is_sparse() => skin(usual),
+            CurvedLayers::Auto => match (skin(usual), self.all(&tops)) {
+                (Ok(skin), Ok(all)) => Ok(self.better(skin, all)),
+                (skin, Err(_)) => skin,
+                (Err(_), all) => all,
+            },
+        }
+    }
+
+    fn is_sparse(&self) -> bool {
+        let infill = self.settings.infill.as_ref();
+        infill.is_some_and(|infill| !infill.is_solid())
+    }
+
+    /// Whether the inside that is asked for can be had.
+    fn check_inside(&self, asked: CurvedLayers) -> Result<(), CurvedLayersError> {
+        let infill = self.settings.infill.as_ref().filter(|_| self.is_sparse());
+        let Some(infill) = infill else {
+            return Ok(());
+        };
+        let least_pct = 100.0 / SPAN_BEADS_MAX;
+        if infill.density_pct < least_pct {
+            let density_pct = infill.density_pct;
+            return Err(CurvedLayersError::Hollow {
+                density_pct,
+                least_pct,
+            });
+        }
+        match asked {
+            CurvedLayers::All => Err(CurvedLayersError::SparseAll),
+            _ => Ok(()),
+        }
+    }
+
+    fn all(&self, tops: &[FollowedTop]) -> Result<Division, CurvedLayersError> {
+        let all = self.judged(all_curved::curved_throughout(self, tops));
+        all_curved::check(&all.bounds, self.slope_max())?;
+        Ok(all)
+    }
+
+    /// What leaves less of the stairs; where both leave about as much, what takes less time.
+    fn better(&self, skin: Division, all: Division) -> Division {
+        let flat_mm3 = stair_error::of_flat_layers(&self.grid, self.layer_mm);
+        let differ = (all.stair_error_mm3 - skin.stair_error_mm3) / flat_mm3.max(1e-12);
+        let is_all = match differ.abs() < AS_GOOD {
+            true => area_mm2(&all.layers) < FASTER * area_mm2(&skin.layers),
+            false => differ < 0.0,
+        };
+        if is_all { all } else { skin }
+    }
+
+    fn judged(&self, layers: Vec<PartLayer>) -> Division {
+        Division {
+            stair_error_mm3: stair_error::of_layers(&self.grid, &layers),
+            bounds: stair_error::bounds(&self.grid, &layers, self.layer_mm),
+            layers,
+        }
+    }
+}
+
+/// All that layers print: with one nozzle and speed their time is about that, mm².
+fn area_mm2(layers: &[PartLayer]) -> f64 {
+    let regions = layers.iter().flat_map(|layer| &layer.regions);
+    regions.map(Region::area_mm2).sum()
+}
+
+/// Stairs that differ by less of those of flat layers are as good; how much less the area of all layers has to be then to be
+/// taken, since every one of them is planned by itself.
+const AS_GOOD: f64 = 0.03;
+const FASTER: f64 = 0.95;
+/// Free tilt of a head whose shape is not in the machine file, rad, and the steepest slope that is followed whatever the head.
+const FREE_TILT_UNKNOWN_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
+const SLOPE_MAX: f64 = 1.0;

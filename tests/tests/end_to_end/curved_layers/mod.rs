@@ -1,0 +1,6 @@
+//! Parts in curved layers: their stairs, what they lay, what is refused.
+
+mod picture;
+mod printed;
+mod refused;
+mod stairs;

@@ -1,0 +1,92 @@
+//! The guide's picture of curved layers: sections of the example part in flat layers, with a skin, and with all of them curved.
+
+use super::stairs::machine;
+use headway::geometry::Point2;
+use headway::mesh::{MeshFormat, MeshOptions, read};
+use headway::pipeline::surface::curved_layers::layer_shape::PartLayer;
+use headway::pipeline::surface::curved_layers::{CurvedLayers, divided};
+use headway_tests::curved_parts::holds;
+use std::fmt::Write;
+use std::path::Path;
+
+const PX_PER_MM: f64 = 36.0;
+const STEP_MM: f64 = 0.05;
+
+/// The section of layers at y = 0, from the middle to the rim: one strip for each.
+fn strips(layers: &[PartLayer], left_px: f64, base_px: f64, svg: &mut String) {
+    for (number, layer) in layers.iter().enumerate() {
+        let thick = |x: f64| layer.thickness_mm(Point2::new(x, 0.0)).unwrap_or(0.2);
+        let (mut tops, mut undersides) = (Vec::new(), Vec::new());
+        for step in 0..(12.2 / STEP_MM) as usize {
+            let x = (step as f64 + 0.37) * STEP_MM;
+            if holds(&layer.regions, x, 1e-3) {
+                let z = layer.top_mm(Point2::new(x, 0.0));
+                let px = |z: f64| (left_px + PX_PER_MM * x, base_px - PX_PER_MM * z);
+                tops.push(px(z));
+                undersides.push(px(z - thick(x)));
+            }
+        }
+        let points = tops.iter().chain(undersides.iter().rev());
+        let points: Vec<String> = points.map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+        let fill = match (layer.is_curved(), number % 2) {
+            (true, 0) => "#0f766e",
+            (true, _) => "#5eead4",
+            (false, 0) => "#94a3b8",
+            (false, _) => "#cbd5e1",
+        };
+        writeln!(
+            svg,
+            "<polygon fill=\"{fill}\" points=\"{}\"/>",
+            points.join(" ")
+        )
+        .unwrap();
+    }
+}
+
+fn words(svg: &mut String, x: f64, y: f64, text: &str) {
+    writeln!(
+        svg,
+        "<text fill=\"#111827\" font-family=\"sans-serif\" font-size=\"15\" x=\"{x}\" y=\"{y}\">{text}</text>"
+    )
+    .unwrap();
+}
+
+#[test]
+#[ignore = "writes docs/pictures/curved-layers.svg"]
+fn the_picture_shows_the_layers_of_the_example() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let bytes = std::fs::read(root.join("examples/cap.stl")).unwrap();
+    let mesh = read(&bytes, "cap", MeshFormat::Stl, &MeshOptions::default())
+        .unwrap()
+        .mesh;
+    let settings = machine("gantry");
+    let mut svg = String::from(
+        "<svg viewBox=\"0 0 960 500\" width=\"960\" xmlns=\"http://www.w3.org/2000/svg\">\n\
+         <rect fill=\"#ffffff\" height=\"100%\" width=\"100%\"/>\n",
+    );
+    let skin = divided(&mesh, CurvedLayers::Skin(3), &settings).unwrap();
+    let all = divided(&mesh, CurvedLayers::All, &settings).unwrap();
+    for (top_px, divided, name) in [
+        (30.0, &skin, "--curved-layers skin:3"),
+        (260.0, &all, "--curved-layers all"),
+    ] {
+        strips(&divided.layers, 24.0, top_px + 190.0, &mut svg);
+        let [flat_mm3, own_mm3] = divided.figures.stair_error_mm3;
+        let [flat, curved] = divided.figures.layers;
+        words(&mut svg, 480.0, top_px + 40.0, name);
+        words(
+            &mut svg,
+            480.0,
+            top_px + 64.0,
+            &format!("{flat} flat layers, {curved} curved"),
+        );
+        let stairs = format!("stairs {own_mm3:.2} mm³ instead of {flat_mm3:.2}");
+        words(&mut svg, 480.0, top_px + 88.0, &stairs);
+        let [least, most] = divided.figures.thickness;
+        let thick = format!("curved ones {least:.2} to {most:.2} layer heights thick");
+        words(&mut svg, 480.0, top_px + 112.0, &thick);
+    }
+    svg.push_str("</svg>\n");
+    assert!(svg.len() > 10_000 && skin.figures.layers[1] == 3);
+    std::fs::write(root.join("docs/pictures/curved-layers.svg"), svg).unwrap();
+}

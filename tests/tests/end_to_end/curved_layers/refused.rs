@@ -1,0 +1,45 @@
+//! Goal: parts that curved layers do nothing for, or cannot, are refused with what to do. Method: meshes by formulas.
+
+use super::stairs::machine;
+use headway::pipeline::surface::curved_layers::{CurvedLayers, CurvedLayersError, divided};
+use headway_tests::curved_parts::{dome, wing};
+
+/// A block that is a whole number of layers high has no stairs to lose.
+#[test]
+fn a_flat_block_is_refused() {
+    let settings = machine("gantry");
+    let mut part = dome(0.3, 1.0, 0.5);
+    for vertex in &mut part.mesh.vertices {
+        vertex.z = if vertex.z > 0.5 { 1.0 } else { 0.0 };
+    }
+    let error = divided(&part.mesh, CurvedLayers::Auto, &settings).unwrap_err();
+    assert!(
+        matches!(error, CurvedLayersError::NoCurvedTop { .. }),
+        "{error}"
+    );
+    assert!(
+        error.to_string().contains("leave --curved-layers out"),
+        "{error}"
+    );
+}
+
+/// A wing's rim is three layers high: more curved ones do not fit. In one count of layers its thickness ranges too far.
+#[test]
+fn a_thin_rim_has_no_room_for_a_thick_skin() {
+    let settings = machine("gantry");
+    let part = wing();
+    let error = divided(&part.mesh, CurvedLayers::Skin(8), &settings).unwrap_err();
+    let CurvedLayersError::TooLow {
+        layers_max,
+        height_mm,
+        ..
+    } = error
+    else {
+        panic!("{error}")
+    };
+    assert!(
+        layers_max == 3 && (0.5..0.75).contains(&height_mm),
+        "{error}"
+    );
+    assert!(error.to_string().contains("skin:3 fits"), "{error}");
+}
