@@ -20,9 +20,11 @@ use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_firmware::configuration::{
     ConfigurationError, JOINTS_MAX, MOTORS_MAX, MachineConfiguration,
 };
+use headway_firmware::design::WEIGHED_KNOTS;
 use headway_firmware::drivers::DriverService;
 use headway_firmware::kinematics::forward;
 use headway_firmware::machine::Machine;
+use headway_firmware::machine::round::{Controller, Surroundings};
 use headway_firmware::motion::inputs::Inputs;
 use headway_firmware::motion::probe_pin::{self, ProbePin};
 use headway_firmware::settings::BoardLimits;
@@ -159,6 +161,49 @@ pub struct VirtualBoard {
     drivers: Option<(DriverService, VirtualDrivers)>,
 }
 
+/// What a round of the board's main loop works with. Its lines are looked after between rounds, since hosts change
+/// places on them ([`Lines`]).
+struct Around<'a> {
+    heaters: &'a mut VirtualHeaters,
+    drivers: &'a mut Option<(DriverService, VirtualDrivers)>,
+    bytes: std::iter::Empty<u8>,
+}
+
+impl Surroundings for Around<'_> {
+    const AT_ONCE: bool = false;
+    const WEIGHED_KNOTS: usize = WEIGHED_KNOTS;
+    type Bytes = std::iter::Empty<u8>;
+
+    fn heard(&mut self, _line: usize) -> &mut Self::Bytes {
+        &mut self.bytes
+    }
+
+    fn has_room(&mut self, _line: usize) -> bool {
+        false
+    }
+
+    fn send(&mut self, _line: usize, _bytes: &[u8]) -> usize {
+        0
+    }
+
+    fn heat(&mut self, controller: &mut impl Controller) {
+        self.heaters.turn(|service| {
+            let served = controller.with_motion(|motion| service.serve(motion, 0));
+            served.flatten()
+        });
+    }
+
+    fn drivers(&mut self, controller: &mut impl Controller) {
+        let Some((service, port)) = self.drivers else {
+            return;
+        };
+        if controller.with_motion(|motion| service.is_due(motion)) == Some(true) {
+            service.turn(port);
+            controller.with_motion(|motion| service.tell(motion));
+        }
+    }
+}
+
 /// Writes a record of settings where it outlasts a restart; true if it is there.
 pub type SettingsWriter = Box<dyn FnMut(&[u8]) -> bool>;
 
@@ -261,9 +306,6 @@ impl VirtualBoard {
             std::thread::sleep(LOOK);
         }
         self.pass();
-        if let Some((service, port)) = &mut self.drivers {
-            self.machine.serve_drivers(service, port);
-        }
         self.lines.report(&mut self.machine);
         self.lines.report_others(&self.machine);
         let (machine, session) = (&self.setup.machine, self.setup.session);
@@ -283,8 +325,12 @@ impl VirtualBoard {
                 switches,
                 emergency: false,
             });
-            self.machine.run_servo_interval(&mut self.steps);
-            self.heaters.tick(&mut self.machine);
+            let mut around = Around {
+                heaters: &mut self.heaters,
+                drivers: &mut self.drivers,
+                bytes: std::iter::empty(),
+            };
+            self.machine.round(&mut self.steps, &mut around);
             if let Some(start) = self.machine.motion().stream_start_ticks() {
                 let interval_ticks = u64::from(self.machine.interval_ticks());
                 self.steps.begin_job(start * interval_ticks);

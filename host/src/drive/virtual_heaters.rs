@@ -9,9 +9,9 @@ use headway_firmware::configuration::heat::{
     HEATERS_MAX, HeatConfiguration, HeaterConfiguration, HeaterRole, PERIOD_S,
 };
 use headway_firmware::configuration::sensor::Sensor;
-use headway_firmware::heat::HeatCause;
 use headway_firmware::heat::samples::FULL_SCALE;
 use headway_firmware::heat::service::HeatService;
+use headway_firmware::heat::{HeatCause, Outputs};
 use headway_firmware::machine::Machine;
 
 /// Where everything begins, and where heat goes, °C.
@@ -55,6 +55,11 @@ impl VirtualHeaters {
 
     /// A servo tick.
     pub fn tick(&mut self, machine: &mut Machine) {
+        self.turn(|service| machine.serve_heat(service, 0));
+    }
+
+    /// The same where `serve` looks after the heat loop.
+    pub fn turn(&mut self, serve: impl FnOnce(&mut HeatService) -> Option<Outputs>) {
         self.ticks += 1;
         if self.ticks.is_multiple_of(self.conversion_ticks) {
             // A converter that lives has noise: half a count.
@@ -64,7 +69,7 @@ impl VirtualHeaters {
                 self.service.sample(number, raw + noise);
             }
         }
-        let Some(outputs) = machine.serve_heat(&mut self.service, 0) else {
+        let Some(outputs) = serve(&mut self.service) else {
             return;
         };
         // What was put out until now has heated.
