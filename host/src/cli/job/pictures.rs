@@ -191,6 +191,10 @@ fn rasters(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
     let Some(plan) = &planned.plan else {
         return rasters_of_job(planned, shown);
     };
+    if plan.curved_layers.is_some() {
+        // Most of what is shown lies in space: there is no one plane to draw it in.
+        return shown.iter().map(|_| Vec::new()).collect();
+    }
     let of_layer = |shown: &ShownLayer| {
         let prints = plan.prints.iter();
         let prints = prints.filter(|print| print.layer == shown.layer);
