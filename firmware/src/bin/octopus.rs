@@ -24,7 +24,7 @@ mod heat;
 #[path = "shared/octopus_pins.rs"]
 mod pins;
 #[cfg(target_os = "none")]
-#[path = "shared/octopus_ports.rs"]
+#[path = "shared/octopus_step_ports.rs"]
 mod ports;
 #[cfg(target_os = "none")]
 #[path = "shared/runtime.rs"]

@@ -18,7 +18,7 @@ fn main() {
 }
 
 #[cfg(target_os = "none")]
-#[path = "shared/octopus_ports.rs"]
+#[path = "shared/octopus_step_ports.rs"]
 mod ports;
 #[cfg(target_os = "none")]
 #[path = "shared/runtime.rs"]

@@ -70,8 +70,8 @@ fn pins_one_by_one_have_the_levels_of_the_port_wide_writes() {
         ports.end_pulses();
         pins.end_pulses();
         let signs = core::array::from_fn(|motor| random.rotate_left(3 * motor as u32));
-        ports.step_signs(tick, &signs);
-        pins.step_signs(tick, &signs);
+        ports.begin_pulses_by_sign(tick, &signs);
+        pins.begin_pulses_by_sign(tick, &signs);
         if random >> 20 & 3 == 0 {
             ports.set_directions((random >> 8) as u8);
             pins.set_directions((random >> 8) as u8);
@@ -99,7 +99,7 @@ fn a_step_is_one_pulse_and_a_direction_comes_before_it() {
     output.set_directions(0b11);
     for signs in [1 << 31, 0] {
         output.end_pulses();
-        output.step_signs(0, &[signs, 0, 0, 0, 0, 0, 0, 0]);
+        output.begin_pulses_by_sign(0, &[signs, 0, 0, 0, 0, 0, 0, 0]);
     }
     steps.iter_mut().for_each(PinMock::done);
     directions.iter_mut().for_each(PinMock::done);

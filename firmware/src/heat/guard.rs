@@ -73,7 +73,7 @@ pub enum HeatCause {
 
 impl HeatCause {
     /// True where switching off may not be enough.
-    pub fn is_disobedience(self) -> bool {
+    pub fn is_stuck_on(self) -> bool {
         matches!(self, Self::HeaterStuck | Self::OverTemperature)
     }
 }

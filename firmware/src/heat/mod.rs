@@ -29,7 +29,7 @@ use fans::{FanSpeeds, Fans};
 use guard::{Guard, View};
 use heapless::Vec;
 use pwm::{CHANNELS, Schedule};
-use regulator::{Draught, Regulator};
+use regulator::{HeatLoad, Regulator};
 use samples::Samples;
 
 /// Time that no host may be heard while something heats, s. Klipper's `MAX_HEAT_TIME` is 5 s, because its
@@ -115,7 +115,7 @@ struct Heater {
 
 impl Heater {
     /// One period: duty to come, or the fault.
-    fn tick(&mut self, target_c: f32, draught: &Draught) -> Result<f32, HeatCause> {
+    fn tick(&mut self, target_c: f32, load: &HeatLoad) -> Result<f32, HeatCause> {
         let configuration = &self.configuration;
         let read = self.samples.take();
         let reading = read.and_then(|reading| configuration.sensor.celsius(reading.share));
@@ -140,10 +140,8 @@ impl Heater {
             return Ok(0.0);
         }
         let (gains, plant) = (&configuration.gains, &configuration.plant);
-        self.expected = plant.holding_duty(target_c, draught);
-        self.duty = self
-            .regulator
-            .duty(gains, plant, target_c, reading_c, draught);
+        self.expected = plant.holding_duty(target_c, load);
+        self.duty = self.regulator.duty(gains, plant, target_c, reading_c, load);
         Ok(self.duty)
     }
 
@@ -171,8 +169,8 @@ pub struct Heat {
     silent_s: f32,
     paused_s: f32,
     /// A heater is hot or heats without being asked, whatever was latched first.
-    disobeys: bool,
-    disobeyed_s: f32,
+    stays_on: bool,
+    stays_on_s: f32,
 }
 
 impl Heat {
@@ -199,8 +197,8 @@ impl Heat {
             fault: None,
             silent_s: 0.0,
             paused_s: 0.0,
-            disobeys: false,
-            disobeyed_s: 0.0,
+            stays_on: false,
+            stays_on_s: 0.0,
         }
     }
 
@@ -233,20 +231,20 @@ impl Heat {
                 (false, true) => (asked_c - STANDBY_K).max(0.0),
                 (false, false) => asked_c,
             };
-            let draught = Draught {
+            let load = HeatLoad {
                 fan: if is_hot_end { orders.part_fan } else { 0.0 },
                 flow_mm3_s: if is_hot_end { orders.flow_mm3_s } else { 0.0 },
             };
             heater.target_c = target_c;
             let last_c = heater.reading_c;
-            match heater.tick(target_c, &draught) {
+            match heater.tick(target_c, &load) {
                 Ok(duty) => {
                     if let Some(place) = outputs.duties.get_mut(index) {
                         *place = duty;
                     }
                 }
                 Err(cause) => {
-                    self.disobeys |= cause.is_disobedience();
+                    self.stays_on |= cause.is_stuck_on();
                     let celsius = heater.reading_c.or(last_c).unwrap_or(0.0);
                     self.fault.get_or_insert(HeatFault {
                         cause,
@@ -260,7 +258,7 @@ impl Heat {
         }
         self.tick_fans(orders, heats, &mut outputs);
         if self.fault.is_some() {
-            self.leave(&mut outputs);
+            self.switch_off(&mut outputs);
         }
         outputs
     }
@@ -311,15 +309,15 @@ impl Heat {
     }
 
     /// Everything off, and the supply where a transistor may not obey.
-    fn leave(&mut self, outputs: &mut Outputs) {
+    fn switch_off(&mut self, outputs: &mut Outputs) {
         outputs.duties = [0.0; HEATERS_MAX];
         for heater in &mut self.heaters {
             heater.duty = 0.0;
         }
-        if self.disobeys {
-            self.disobeyed_s += PERIOD_S;
+        if self.stays_on {
+            self.stays_on_s += PERIOD_S;
         }
-        outputs.cut_supply = self.disobeyed_s >= SUPPLY_CUT_S;
+        outputs.cut_supply = self.stays_on_s >= SUPPLY_CUT_S;
     }
 
     /// The latched fault.
@@ -330,8 +328,8 @@ impl Heat {
     /// Begins anew, all off; what was wrong and still is trips again.
     pub fn clear_fault(&mut self) {
         self.fault = None;
-        self.disobeys = false;
-        self.disobeyed_s = 0.0;
+        self.stays_on = false;
+        self.stays_on_s = 0.0;
         self.silent_s = 0.0;
         for heater in &mut self.heaters {
             heater.guard = Guard::default();

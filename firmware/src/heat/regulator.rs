@@ -20,7 +20,7 @@ const INTEGRAL_MAX: f32 = 0.5;
 
 /// What takes heat from a hot end.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Draught {
+pub struct HeatLoad {
     /// Part fan, 0 to 1.
     pub fan: f32,
     /// Melt that flows, mm³/s.
@@ -29,10 +29,10 @@ pub struct Draught {
 
 impl Plant {
     /// Duty that holds a temperature.
-    pub fn holding_duty(&self, target_c: f32, draught: &Draught) -> f32 {
+    pub fn holding_duty(&self, target_c: f32, load: &HeatLoad) -> f32 {
         let loss_w_k = self.loss_w_k
-            + self.fan_loss_w_k * draught.fan
-            + self.melt_j_mm3_k * draught.flow_mm3_s.max(0.0);
+            + self.fan_loss_w_k * load.fan
+            + self.melt_j_mm3_k * load.flow_mm3_s.max(0.0);
         ((target_c - AMBIENT_C) * loss_w_k / self.power_w).max(0.0)
     }
 }
@@ -70,12 +70,12 @@ impl Regulator {
         plant: &Plant,
         target_c: f32,
         reading_c: f32,
-        draught: &Draught,
+        load: &HeatLoad,
     ) -> f32 {
         self.follow(reading_c);
         let error_k = target_c - reading_c;
         let asked =
-            plant.holding_duty(target_c, draught) + gains.proportional * error_k + self.integral
+            plant.holding_duty(target_c, load) + gains.proportional * error_k + self.integral
                 - gains.derivative * self.slope_k_s;
         let duty = unit_share(asked);
         let further = (asked > duty && error_k > 0.0) || (asked < duty && error_k < 0.0);

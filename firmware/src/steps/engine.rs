@@ -83,7 +83,7 @@ impl StepEngine {
             // instructions less than in the order that the compiler would choose.
             compiler_fence(Ordering::SeqCst);
         }
-        output.step_signs(self.now_tick(), &signs);
+        output.begin_pulses_by_sign(self.now_tick(), &signs);
         self.until_event -= 1;
         if self.until_event != 0 {
             return Moment::Within;

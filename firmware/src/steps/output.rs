@@ -18,7 +18,7 @@ pub trait StepOutput {
     /// The same with a word for each motor, whose sign bit says whether it steps; in every tick.
     /// Ports that take the words as they are save the mask.
     #[inline(always)]
-    fn step_signs(&mut self, tick: u64, signs: &[u32; MOTORS_MAX]) {
+    fn begin_pulses_by_sign(&mut self, tick: u64, signs: &[u32; MOTORS_MAX]) {
         // The last motor first: the mask moves up, so that motor 0 ends in bit 0.
         let mut motors = 0;
         for sign in signs.iter().rev() {
@@ -131,11 +131,11 @@ impl<P: Ports> StepOutput for PortOutput<P> {
 
     fn step(&mut self, tick: u64, motors: u8) {
         let signs = core::array::from_fn(|motor| u32::from(motors >> motor) << 31);
-        self.step_signs(tick, &signs);
+        self.begin_pulses_by_sign(tick, &signs);
     }
 
     #[inline(always)]
-    fn step_signs(&mut self, _tick: u64, signs: &[u32; MOTORS_MAX]) {
+    fn begin_pulses_by_sign(&mut self, _tick: u64, signs: &[u32; MOTORS_MAX]) {
         let mut word = 0;
         let order = const { by_port(P::STEP) };
         for (place, &motor) in order.iter().enumerate() {

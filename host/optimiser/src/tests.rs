@@ -318,7 +318,7 @@ fn projection_brings_a_pass_inside() {
 }
 
 /// Goal: no input makes it panic or run on, and what comes back is a curve of numbers. Method: coincident control
-/// points, a pass outside, one of two points, numbers that are none, paces beyond all sense, no walls, one point.
+/// points, a pass outside, one of two points, values that are not numbers, paces beyond all sense, no walls, one point.
 #[test]
 fn awkward_inputs() {
     let square = walls(&[SQUARE]);

@@ -9,9 +9,9 @@
 //! file's own coordinates, and notes on what it says and Headway does not do. Leaves out how the
 //! nozzle is turned and how the head moves: that is planning's.
 
-pub mod arcs;
 pub mod axes;
 pub mod comments;
+pub mod curve_chords;
 pub mod error;
 pub mod extrusion;
 pub mod flavour;

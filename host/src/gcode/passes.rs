@@ -18,9 +18,9 @@ use heights::add_heights;
 use std::f64::consts::PI;
 
 /// Steps below this move nothing, mm.
-pub const STANDS_MM: f64 = 1e-4;
+pub const STILL_MM: f64 = 1e-4;
 /// The same of headings and tilts, degrees.
-pub const STANDS_DEG: f64 = 1e-4;
+pub const STILL_DEG: f64 = 1e-4;
 /// A pass on a higher layer begins above all before it by more than this, mm.
 const LAYER_MM: f64 = 1e-3;
 /// Most that a prime adds to what was pulled, mm³: extra length after a travel. More is a purge.
@@ -164,8 +164,8 @@ impl Builder {
     ) -> Result<(), GcodeError> {
         let to = place_of(&step.to);
         let moved_mm = to.distance_mm(&self.at);
-        let turned = (0..3).any(|i| (to.turn_deg[i] - self.at.turn_deg[i]).abs() > STANDS_DEG);
-        let stands = moved_mm < STANDS_MM && !turned;
+        let turned = (0..3).any(|i| (to.turn_deg[i] - self.at.turn_deg[i]).abs() > STILL_DEG);
+        let stands = moved_mm < STILL_MM && !turned;
         let scale = if step.volumetric { 1.0 } else { area_mm2 };
         let volume_mm3 = step.extruded * scale;
         // A feed is of the filament also where E is in mm³.
@@ -186,7 +186,7 @@ impl Builder {
                     (to.tip_mm[0] - self.at.tip_mm[0]).hypot(to.tip_mm[1] - self.at.tip_mm[1]);
                 let prints = match leg.volume_mm3 {
                     Some(volume_mm3) => volume_mm3 > 0.0,
-                    None => !step.rapid && (in_plane > STANDS_MM || turned),
+                    None => !step.rapid && (in_plane > STILL_MM || turned),
                 };
                 if prints {
                     self.print(to, leg, told_layer);
@@ -293,7 +293,7 @@ impl Builder {
             // The last travel ends where the pass begins.
             if travel
                 .last()
-                .is_some_and(|last| last.distance_mm(&self.at) < STANDS_MM)
+                .is_some_and(|last| last.distance_mm(&self.at) < STILL_MM)
             {
                 travel.pop();
             }

@@ -190,7 +190,7 @@ pub fn interval_reverses() -> bool {
     unsafe { (*PLAYING.load(Ordering::Relaxed)).reverses() }
 }
 
-/// The bank that does not play. Whose it is says [`HANDOVER`].
+/// The bank that is not playing. [`HANDOVER`] says who owns it.
 #[inline(always)]
 fn idle_bank(playing: *const StepBank) -> NonNull<StepBank> {
     let [first, second] = &BANKS;

@@ -1,4 +1,4 @@
-//! `headway stream --resume-from`: what is left of a job behind a power cut, and the way back to it.
+//! `headway stream --resume-from`: what is left of a job after a power cut, and the way back to it.
 //!
 //! In: the job, a log of its stream or a pass or layer by hand. Out: the job cut at the start of a pass, what that
 //! prints again and leaves out, and the moves above the print to where it begins. Leaves out the stream itself.

@@ -3,10 +3,10 @@
 //! In: a line and the modes. Out: steps (mm, degrees, mm/s) of one frame.
 
 use super::{EXTRUDER_MAX, Firmware, Interpreter, Motion, bounded};
-use crate::gcode::arcs::{ArcWords, TURNS_MAX, arc_chords, bezier_chords};
 use crate::gcode::axes::{At, TURNS_FROM};
+use crate::gcode::curve_chords::{ArcWords, TURNS_MAX, arc_chords, bezier_chords};
 use crate::gcode::error::GcodeError;
-use crate::gcode::passes::{STANDS_DEG, STANDS_MM};
+use crate::gcode::passes::{STILL_DEG, STILL_MM};
 use crate::gcode::words::Line;
 use crate::gcode::{ANGLE_MAX_DEG, PLACE_MAX_MM};
 use std::f64::consts::TAU;
@@ -85,7 +85,7 @@ impl Interpreter {
         }
         counted.unsaid += 1;
         let way_mm = (to[0] - self.at[0]).hypot(to[1] - self.at[1]);
-        if way_mm > STANDS_MM && e > 0.0 {
+        if way_mm > STILL_MM && e > 0.0 {
             counted.bead(e, extruded, way_mm);
         }
     }
@@ -135,7 +135,7 @@ impl Interpreter {
         // The feed is the tip's; of the rotary axes where the tip stands.
         let (tip_mm, turned_deg) = (length(0..3), length(TURNS_FROM..TURNS_FROM + 3));
         // By inverse time what moves has the move's time: the extruder alone, too.
-        let moved = match (tip_mm > STANDS_MM, turned_deg > STANDS_DEG) {
+        let moved = match (tip_mm > STILL_MM, turned_deg > STILL_DEG) {
             (true, _) => tip_mm,
             (_, true) => turned_deg,
             _ => extruded.abs(),

@@ -9,7 +9,7 @@ use super::klipper::{number_of, text_of};
 use super::{Firmware, Interpreter};
 use crate::gcode::axes::{At, FileAxes, SLOTS, TURNS_FROM};
 use crate::gcode::error::GcodeError;
-use crate::gcode::passes::{STANDS_DEG, STANDS_MM};
+use crate::gcode::passes::{STILL_DEG, STILL_MM};
 use crate::gcode::words::Line;
 use crate::gcode::{ANGLE_MAX_DEG, PLACE_MAX_MM};
 use crate::settings::axes_words::FeedOf;
@@ -170,7 +170,7 @@ impl Interpreter {
                 false => 1.0 / count as f64,
             };
             // On the spot it is the extruder's speed, or that of the turn.
-            let moved = match (tip_mm > STANDS_MM, lengths.turned_deg > STANDS_DEG) {
+            let moved = match (tip_mm > STILL_MM, lengths.turned_deg > STILL_DEG) {
                 (true, _) => leg_mm,
                 (_, true) => lengths.turned_deg * share,
                 _ => extruded.abs() * share,
@@ -196,12 +196,12 @@ impl Interpreter {
             return 60.0 / a_minute;
         }
         let length = match axes.feed() {
-            FeedOf::Tip if tip_mm > STANDS_MM => tip_mm,
-            FeedOf::Xyz if lengths.xyz_mm > STANDS_MM => lengths.xyz_mm,
+            FeedOf::Tip if tip_mm > STILL_MM => tip_mm,
+            FeedOf::Xyz if lengths.xyz_mm > STILL_MM => lengths.xyz_mm,
             FeedOf::All => lengths.all,
             FeedOf::Tip | FeedOf::Xyz => lengths.turned_deg,
         };
-        let length = match length > STANDS_MM {
+        let length = match length > STILL_MM {
             true => length,
             false => extruded.abs(),
         };

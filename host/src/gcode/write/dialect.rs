@@ -84,8 +84,8 @@ impl Dialect {
         }
     }
 
-    /// Arcs are written where nothing else is asked: it makes no chords of its own of them.
-    pub fn has_arcs_unasked(self) -> bool {
+    /// Arcs are written unless the user chooses otherwise: this controller does not split them into chords itself.
+    pub fn writes_arcs_by_default(self) -> bool {
         self == Dialect::LinuxCnc
     }
 

@@ -6,7 +6,7 @@
 use super::limits::HEADING;
 use super::poses::Poses;
 use super::template::filled;
-use super::{JobText, STANDS_DEG, WriteError, Writer, Written, heat, short};
+use super::{JobText, STILL_DEG, WriteError, Writer, Written, heat, short};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS};
 use std::io::Write;
 
@@ -132,7 +132,7 @@ impl<W: Write> Writer<'_, W> {
         }
         let stands_deg = self.at.turn_deg[2];
         let whole_deg = 360.0 * (stands_deg / 360.0).round();
-        if (stands_deg - whole_deg).abs() <= STANDS_DEG {
+        if (stands_deg - whole_deg).abs() <= STILL_DEG {
             return Ok(());
         }
         let letter = char::from(self.options.turns[2]);

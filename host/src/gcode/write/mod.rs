@@ -39,8 +39,8 @@ use template::FieldError;
 /// Tip tolerance where none is given, mm: with what decimals take, well below a step.
 pub const TIP_TOLERANCE_MM: f64 = 0.002;
 /// Tips that stay within this do not move, mm; headings, degrees.
-const STANDS_MM: f64 = 5e-5;
-const STANDS_DEG: f64 = 5e-4;
+const STILL_MM: f64 = 5e-5;
+const STILL_DEG: f64 = 5e-4;
 
 /// What is written.
 #[derive(Clone, Debug, PartialEq)]
@@ -184,7 +184,7 @@ fn arcs_written(options: &WriteOptions) -> Result<ArcsWritten, WriteError> {
     let is_free = !options.turns.contains(&b'J') && options.extruder != Some(b'J');
     match options.arcs {
         Some(false) => Ok(ArcsWritten::None),
-        None if options.dialect.has_arcs_unasked() && is_free => Ok(has),
+        None if options.dialect.writes_arcs_by_default() && is_free => Ok(has),
         None => Ok(ArcsWritten::None),
         Some(true) if !is_free => Err(refused("J is an axis here: give it another letter")),
         Some(true) if has == ArcsWritten::None => Err(refused(
@@ -327,14 +327,14 @@ impl<W: Write> Writer<'_, W> {
     fn words(&self, to: &At, told: usize) -> String {
         let mut words = String::new();
         for (axis, letter) in ["X", "Y", "Z"].into_iter().enumerate() {
-            let moves = (to.tip_mm[axis] - self.at.tip_mm[axis]).abs() > STANDS_MM;
+            let moves = (to.tip_mm[axis] - self.at.tip_mm[axis]).abs() > STILL_MM;
             if axis < told || moves {
                 words.push_str(&format!(" {letter}{}", short(to.tip_mm[axis], 4)));
             }
         }
         for (axis, letter) in self.options.turns.into_iter().enumerate() {
             let is_used = axis == 2 || self.tilts;
-            let turns = (to.turn_deg[axis] - self.at.turn_deg[axis]).abs() > STANDS_DEG;
+            let turns = (to.turn_deg[axis] - self.at.turn_deg[axis]).abs() > STILL_DEG;
             if is_used && (axis + 3 < told || turns) {
                 words.push_str(&format!(
                     " {}{}",

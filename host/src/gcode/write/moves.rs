@@ -8,7 +8,7 @@ use super::dialect::ArcsWritten;
 use super::limits::{AXES, EXTRUDER};
 use super::lines::{LineTolerances, move_ends};
 use super::poses::Poses;
-use super::{STANDS_MM, WriteError, Writer, short};
+use super::{STILL_MM, WriteError, Writer, short};
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 use std::io::Write;
 
@@ -91,7 +91,7 @@ impl<W: Write> Writer<'_, W> {
         by[3..EXTRUDER].copy_from_slice(&turned);
         by[EXTRUDER] = (self.e_units - e_before) as f64 * 1e-5;
         self.time.add(by, way_mm, seconds);
-        let feed = match (self.options.dialect.is_machine_tool(), way_mm > STANDS_MM) {
+        let feed = match (self.options.dialect.is_machine_tool(), way_mm > STILL_MM) {
             (true, _) => format!(" F{}", short(60.0 / seconds, 4)),
             (false, true) => format!(" F{}", short(60.0 * way_mm / seconds, 2)),
             (false, false) => {

@@ -90,7 +90,7 @@ struct Reading {
 /// Reads a model.
 ///
 /// # Errors
-/// What is no XML, numbers that are none, more than `declared_max` objects and items.
+/// What is no XML, values that are not numbers, more than `declared_max` objects and items.
 pub(super) fn read_model(
     path: &str,
     text: impl BufRead,

@@ -9,6 +9,7 @@ mod doc_paths;
 mod lengths;
 mod planner;
 mod rooms;
+mod words;
 
 use planner::check_stages;
 use rooms::check_order;
