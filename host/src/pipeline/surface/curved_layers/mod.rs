@@ -6,8 +6,8 @@
 //!   --planned in the plane or in a chart--> moves --one after another--> Route --> as for surfaces
 //! ```
 //! In: a closed mesh (mm, input coordinates). Out: a [`Plan`] whose layers follow each other as one job. **Skin**: flat
-//! layers with so many curved ones over them ([`skin`]). **All**: one smooth function has the layers as its whole values
-//! ([`field`]). Which of them, unless it is said, is what leaves less of the stairs, or as much in less time. Leaves out:
+//! layers with so many curved ones over them (`skin`). **All**: one smooth function has the layers as its whole values
+//! (`field`). Which of them, unless it is said, is what leaves less of the stairs, or as much in less time. Leaves out:
 //! supports, keep-outs, copies, layers of several heights; curved layers are solid.
 
 mod all_curved;
