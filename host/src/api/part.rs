@@ -49,6 +49,7 @@ pub struct Part {
     pub(super) what: What,
     pub(super) keep_out: Vec<Region>,
     pub(super) at_mm: Option<[f64; 3]>,
+    /// What an outline is laid on.
     pub(super) surface: Option<Mesh>,
 }
 
@@ -58,8 +59,8 @@ pub(super) enum What {
     Mesh(LoadedMesh),
     Path(WaypointRun),
     Gcode(Box<GcodeProgram>),
-    /// The whole of its surface; the name.
-    Patch(String),
+    /// The whole of a surface, and its name.
+    Patch(String, Mesh),
 }
 
 impl Part {
@@ -117,11 +118,8 @@ impl Part {
         bytes: &[u8],
         reading: &Reading,
     ) -> Result<Part, Error> {
-        let surface = Some(read_surface(ending, bytes, reading)?);
-        Ok(Part {
-            surface,
-            ..Part::of(What::Patch(name.to_string()))
-        })
+        let surface = read_surface(ending, bytes, reading)?;
+        Ok(Part::of(What::Patch(name.to_string(), surface)))
     }
 
     /// The same outline, seen from above, laid on a surface: a mesh's bytes.
@@ -183,7 +181,7 @@ impl Part {
             What::Mesh(loaded) => &loaded.name,
             What::Path(run) => &run.name,
             What::Gcode(program) => &program.name,
-            What::Patch(name) => name,
+            What::Patch(name, _) => name,
         }
     }
 
@@ -194,7 +192,7 @@ impl Part {
             What::Mesh(loaded) => &loaded.notes,
             What::Path(run) => &run.notes,
             What::Gcode(program) => &program.notes,
-            What::Patch(_) => &[],
+            What::Patch(..) => &[],
         }
     }
 

@@ -150,10 +150,7 @@ fn planned(
             let planned = plan_waypoints_with_progress(&run, &settings, progress);
             (planned, unfilled(part), settings)
         }
-        What::Patch(_) => {
-            let surface = part.surface.as_ref();
-            let surface =
-                surface.ok_or_else(|| Error::Part("there is no surface: give its mesh".into()))?;
+        What::Patch(_, surface) => {
             let planned = plan_on_patch(None, surface, &settings, progress);
             (planned, unfilled(part), settings)
         }
@@ -177,13 +174,13 @@ fn check_options(part: &Part, options: &Options) -> Result<(), Error> {
     let of_meshes = || Some((options.of_meshes()?, "meshes"));
     let of_outlines = || Some((options.of_outlines()?, "outlines and meshes"));
     let copied = || options.copies.is_some() || options.copy_gap_mm.is_some();
+    let one_part = || {
+        Error::Options("a surface carries one part: leave --copies and --copy-gap out".to_string())
+    };
     let wrong = match &part.what {
-        What::Outline(_) | What::Patch(_) if part.surface.is_some() && copied() => {
-            return Err(Error::Options(
-                "a surface carries one part: leave --copies and --copy-gap out".to_string(),
-            ));
-        }
-        What::Outline(_) | What::Patch(_) => of_runs().or_else(of_meshes),
+        What::Patch(..) if copied() => return Err(one_part()),
+        What::Outline(_) if part.surface.is_some() && copied() => return Err(one_part()),
+        What::Outline(_) | What::Patch(..) => of_runs().or_else(of_meshes),
         What::Mesh(_) if options.layers.is_some() => Some(("--layers", "outlines")),
         What::Mesh(_) => of_runs(),
         What::Path(_) => of_meshes().or_else(of_outlines),

@@ -97,14 +97,15 @@ impl Planned {
         mut settings: Settings,
     ) -> Planned {
         settings.machine = plan.stream.machine(&settings.machine);
+        let found = findings(&plan, plan_s, &settings);
         Planned {
             outline: regions,
             transform: plan.transform,
             stream: plan.stream.clone(),
             pass_facts: PassFacts::Kinds(pass_uses(&plan)),
-            ..Planned::found(findings(&plan, plan_s, &settings), name, notes, settings)
+            plan: Some(Box::new(plan)),
+            ..Planned::found(found, name, notes, settings)
         }
-        .with_plan(plan)
     }
 
     /// Of a file of G-code, planned with these settings.
@@ -176,13 +177,6 @@ impl Planned {
             unreachable: found.unreachable,
             left_out: found.left_out,
             ..Planned::default()
-        }
-    }
-
-    fn with_plan(self, plan: Plan) -> Planned {
-        Planned {
-            plan: Some(Box::new(plan)),
-            ..self
         }
     }
 

@@ -12,14 +12,12 @@ use crate::plan::layers::PlanePass;
 use crate::plan::layers::layer_groups::{self, LayerGroup, LayerKind, RegionPrint, StackLayer};
 use crate::plan::layers::region_plan::RegionWork;
 use crate::plan::layers::skirt::{SkirtPlan, skirt_plan};
-use crate::plan::motion::singular::SingularPlaces;
 use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::progress::{Progress, Stage, step_each};
 use crate::plan::route::build_route::{build_route, lift_at_end};
 use crate::plan::route::keep_out::taken;
 use crate::plan::route::moves::Route;
 use crate::plan::route::travel::{TravelWays, outline_crossings};
-use crate::plan::route::waypoint_curve::rounding::RoundedCorners;
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
 use serde::{Deserialize, Serialize};
@@ -123,19 +121,13 @@ pub(crate) fn plan_stack(
         curves,
         print_of_curve,
         outline_crossings,
-        found_place: None,
-        leaned: None,
-        rounded: RoundedCorners::default(),
-        singular: SingularPlaces::default(),
-        touches: None,
-        on_surface: None,
-        curved_layers: None,
         slowed,
         route,
         stream,
         motion,
         measured,
         figures,
+        ..Plan::default()
     })
 }
 
@@ -300,7 +292,11 @@ fn route_of(
     Ok((route, crossings))
 }
 
-fn printings<'a>(kinds: &'a [LayerGroup], prints: &[RegionPrint]) -> Vec<MeasuredPrint<'a>> {
+/// The printings of regions, as they are measured.
+pub(crate) fn printings<'a>(
+    kinds: &'a [LayerGroup],
+    prints: &[RegionPrint],
+) -> Vec<MeasuredPrint<'a>> {
     let prints = prints.iter();
     prints
         .map(|print| MeasuredPrint {

@@ -1,7 +1,7 @@
-//! The joint that turns the nozzle.
+//! The joint that turns the nozzle, and whether the tool axis tilts.
 
 use super::Settings;
-use headway_firmware::configuration::JointConfiguration;
+use headway_firmware::configuration::{JointConfiguration, Kinematics};
 use headway_firmware::kinematics::joint_channels;
 use headway_protocol::units::CHANNEL_HEADING;
 
@@ -22,5 +22,10 @@ impl Settings {
     pub fn heading_joint_mut(&mut self) -> Option<&mut JointConfiguration> {
         let number = self.heading_joint_number()?;
         self.machine.joints.get_mut(number)
+    }
+
+    /// True where the tool axis can follow a slope; else the head stays upright.
+    pub fn tilts(&self) -> bool {
+        self.machine.kinematics != Kinematics::Planar
     }
 }

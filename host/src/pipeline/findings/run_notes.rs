@@ -6,7 +6,6 @@ use crate::plan::judge::touches::{HeadPart, Touches};
 use crate::plan::motion::singular::SingularPlaces;
 use crate::report::figures::CornerFigures;
 use crate::settings::Settings;
-use headway_firmware::configuration::Kinematics;
 
 /// Slowing that is worth a note, s.
 const SLOWING_TOLD_S: f64 = 0.1;
@@ -113,7 +112,7 @@ fn leans(plan: &Plan) -> Option<String> {
 
 /// That nobody looked for touches, where a head that tilts has no shape.
 fn head_unknown(plan: &Plan, settings: &Settings) -> Option<String> {
-    let tilts = settings.machine.kinematics != Kinematics::Planar;
+    let tilts = settings.tilts();
     let is_run = plan.kinds.is_empty() || plan.curved_layers.is_some();
     (plan.touches.is_none() && tilts && is_run).then(|| {
         String::from(

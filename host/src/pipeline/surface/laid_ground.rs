@@ -14,7 +14,6 @@ use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::route::surface::LayerFoldsError;
 use crate::settings::Settings;
-use headway_firmware::configuration::Kinematics;
 use headway_protocol::units::{CHANNEL_X, CHANNELS};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -97,7 +96,7 @@ impl OnSurface {
         let scale = scale_of(&chart, &job.around, settings)?;
         let looked = looked_over(&chart, &scale, &job.around);
         let (tilt_max_rad, at) = looked.tilt;
-        let tilts = settings.machine.kinematics != Kinematics::Planar;
+        let tilts = settings.tilts();
         if tilt_max_rad > UPRIGHT_RAD && !tilts {
             return Err(SurfaceError::CannotTilt {
                 slope_deg: tilt_max_rad.to_degrees(),

@@ -36,7 +36,6 @@ use crate::plan::layers::shells::overhangs;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::settings::{LAYERS_MAX, Settings};
-use headway_firmware::configuration::Kinematics;
 use layer_shape::PartLayer;
 use rayon::prelude::*;
 use smooth_top::FollowedTop;
@@ -191,16 +190,11 @@ impl<'a> Job<'a> {
     fn slope_max(&self) -> f64 {
         let head = self.settings.head.as_ref();
         let free_tilt_rad = head.map_or(FREE_TILT_UNKNOWN_RAD, |head| head.free_tilt_rad());
-        match self.tilts() {
+        match self.settings.tilts() {
             true => free_tilt_rad.tan().min(SLOPE_MAX),
             // What the upper end of the nozzle is below the ground beside it.
             false => HANG_SHARE * self.layer_mm / self.settings.aperture.major_mm(),
         }
-    }
-
-    /// Whether the tool axis can follow a slope.
-    fn tilts(&self) -> bool {
-        self.settings.machine.kinematics != Kinematics::Planar
     }
 
     /// What hangs, as flat layers would have it.

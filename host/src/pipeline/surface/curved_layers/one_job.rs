@@ -14,12 +14,11 @@ use crate::job::{MotionState, SegmentStream};
 use crate::pipeline::layer_time::lay_with_layer_times;
 use crate::pipeline::piece::unreachable_boundary;
 use crate::pipeline::placed_passes::{PlacedPasses, placed_passes};
-use crate::pipeline::stack::LeftOut;
+use crate::pipeline::stack::{LeftOut, printings};
 use crate::pipeline::{Plan, PlanError, start_pose};
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::judge::ground_sweep::{CurvedGround, LayerSwept, sweep_ground};
-use crate::plan::judge::measure::Measured;
-use crate::plan::judge::measure::{MeasuredPrint, measure};
+use crate::plan::judge::measure::{Measured, measure};
 use crate::plan::judge::touches::touches;
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::hollow::shell_layers;
@@ -31,7 +30,6 @@ use crate::plan::route::build_route::nearest_heading;
 use crate::plan::route::moves::{PathCurve, RouteMove};
 use crate::plan::route::waypoint_route::{complete_route, has_motion};
 use crate::settings::Settings;
-use headway_firmware::configuration::Kinematics;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
@@ -69,7 +67,7 @@ pub fn planned(
 ) -> Result<Plan, PlanError> {
     let mut job = OneJob::default();
     let mut number = 0;
-    let tilts = settings.machine.kinematics != Kinematics::Planar;
+    let tilts = settings.tilts();
     let solid = |number: u32| solid_of(layers, number, settings);
     // Flat layers that follow each other are planned together.
     for group in layers.chunk_by(|a, b| !a.is_curved() && !b.is_curved()) {
@@ -343,12 +341,7 @@ impl OneJob {
         settings: &Settings,
         progress: &dyn Progress,
     ) -> Judged {
-        let prints = flat.prints.iter().map(|print| MeasuredPrint {
-            contour: &flat.kinds[print.kind].regions[print.region].contour,
-            layer: print.layer,
-            like: print.like,
-        });
-        let prints: Vec<MeasuredPrint> = prints.collect();
+        let prints = printings(&flat.kinds, &flat.prints);
         let (mut figures, measured) = measure(
             stream,
             &prints,

@@ -26,7 +26,6 @@ use crate::plan::route::build_route::nearest_heading;
 use crate::plan::route::moves::PathCurve;
 use crate::settings::Settings;
 use chord_spline::Spline;
-use headway_firmware::configuration::Kinematics;
 use headway_firmware::kinematics::pose::{tilt_of_axis, tool_axis};
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y,
@@ -211,7 +210,7 @@ fn check_speeds(points: &[Waypoint], settings: &Settings) -> Result<(), Waypoint
 }
 
 fn check_tilt(points: &[Waypoint], settings: &Settings) -> Result<(), WaypointCurveError> {
-    if settings.machine.kinematics != Kinematics::Planar {
+    if settings.tilts() {
         return Ok(());
     }
     for point in points {
