@@ -165,11 +165,6 @@ def floors_of(arrows):
     return {node: floors[of[node]] for node in of}
 
 
-def room_of(path):
-    root = root_of(path)
-    return str(path) if str(path.parent) == root else str(path.parent)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", default=".")

@@ -5,7 +5,7 @@ use super::{ROOT, rust_files};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-fn pages(folder: &Path, found: &mut Vec<PathBuf>) {
+pub fn pages(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).expect("a folder") {
         let path = entry.expect("folder entry").path();
         let name = path.file_name().expect("a name").to_string_lossy();

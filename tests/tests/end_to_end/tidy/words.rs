@@ -1,8 +1,9 @@
 //! Goal: words that a reader of the field stumbles over do not come back. Method: none of the phrases below stands in a
 //! source file or on a page; the glossary (docs/glossary.md) says what we say instead.
 
+use super::doc_paths::pages;
 use super::{Breaches, ROOT, assert_none, rust_files};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Phrases, and what stands in their place.
 const BANNED: [(&str, &str); 8] = [
@@ -25,17 +26,6 @@ fn breaches_of(name: &str, text: &str) -> Vec<String> {
         })
     });
     found.collect()
-}
-
-fn pages(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).expect("a folder") {
-        let path = entry.expect("an entry").path();
-        if path.is_dir() {
-            pages(&path, found);
-        } else if path.extension().is_some_and(|ending| ending == "md") {
-            found.push(path);
-        }
-    }
 }
 
 #[test]
