@@ -12,9 +12,9 @@
 //! GcodeProgram --route--> Route, layer by layer
 //! ```
 //!
-//! [`input`], [`mesh`] and [`gcode`] read; [`pipeline`] takes each kind of input through the stages of [`plan`]; [`job`]
-//! is what comes out; [`drive`] moves the finished stream, [`report`] draws and tabulates, `cli` is the command (feature
-//! `command`).
+//! [`input`], [`mesh`] and [`gcode`] read; [`pipeline`] takes each kind of input through the stages of [`plan`];
+//! [`job`] is the result; [`drive`] moves the finished stream, [`report`] draws and tabulates, `cli` is the command
+//! (feature `command`).
 //!
 //! **Library users build on [`api`]**: semantic versioning covers that module and nothing else here.
 #![forbid(unsafe_code)]

@@ -1,7 +1,7 @@
-//! A planned job: what it is, what is made of it.
+//! A planned job: its contents, and what can be made from it.
 //!
-//! In: what [`super::plan`] made, or the bytes of a job file. Out: poses, figures, tables, G-code, the file's
-//! bytes, a simulated run. Leaves out pictures: `headway view` makes them of the file.
+//! In: the result of [`super::plan`], or the bytes of a job file. Out: poses, figures, tables, G-code, the
+//! file's bytes, a simulation. Pictures are not covered: `headway view` draws them from the file.
 
 use super::joints::{JobJoint, JobJoints};
 use super::{Error, JobPose};

@@ -1,4 +1,4 @@
-//! The joints of a job: what they are, where they are at a moment.
+//! The joints of a job: their names and limits, and their positions at a given time.
 //!
 //! In: samples of `joint_export`. Out: plain structs, mm and rad, in the machine's coordinates.
 

@@ -1,15 +1,15 @@
-//! What library users build on: plan, simulate, stream, export.
+//! The interface for library users: plan, simulate, stream, export.
 //!
 //! ```text
 //! Part (outline, mesh, path, G-code, surface) + Machine + Options --plan--> Job --simulate--> Simulation
 //!                                                                          |--poses, figures, csv, gcode, bytes
 //!                                                                          '--stream--> a board
 //! ```
-//! This module is what semantic versioning covers: within a version `0.x` (later: a major one) its names
-//! and signatures only grow, held by `host/tests/api_surface.txt`. **Everything else of this crate is
-//! public for the workspace's own tests and changes at any time.** Lengths in mm, angles in rad, times in
-//! s, volumes in mm³, in the names; coordinates are the part's own. Errors are texts with the place and
-//! what to do.
+//! Semantic versioning covers this module only: within a version `0.x` (later: a major one) names and
+//! signatures are only added, which `host/tests/api_surface.txt` checks. **Everything else of this crate
+//! is public for the workspace's own tests and changes at any time.** Lengths are in mm, angles in rad,
+//! times in s, volumes in mm³, as the names state; coordinates are the part's own. Error messages give
+//! the place and a remedy.
 //!
 //! ```
 //! use headway::api::{Machine, Options, Part, plan};

@@ -1,4 +1,4 @@
-//! What is to be printed: an outline, a mesh, a path, a slicer's file, a surface.
+//! The part to print: an outline, a mesh, a path, a slicer's file, a surface.
 //!
 //! In: rings in mm, or the bytes of a file. Out: a checked [`Part`].
 

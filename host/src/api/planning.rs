@@ -1,7 +1,8 @@
-//! Part, machine and options -> a job, told step by step, stopped where whoever watches wants it.
+//! Part, machine and options -> a job, with progress reports; the caller can stop it at any of
+//! them.
 //!
-//! What each kind of part goes through is the pipeline's, as for the command; here are the options that go with it and
-//! the packing of the job. Results do not depend on who watches.
+//! The stages for each kind of part are those of the pipeline, as for the command; this file adds the options of each
+//! kind and packs the job. The results do not depend on the progress callback.
 
 use super::part::{What, part_error};
 use super::{Error, Job, Options, Part};

@@ -1,4 +1,4 @@
-//! The poses of a job: where the nozzle is, how it is turned, what it lays.
+//! The poses of a job: position and rotation of the nozzle, and the volume that it deposits.
 //!
 //! In: a sample of the stream, machine coordinates. Out: a [`JobPose`] in the part's coordinates.
 

@@ -1,7 +1,7 @@
-//! A job to a board, to its end.
+//! Streams a job to a board, to its end.
 //!
-//! In: a port by name. Out: steps of progress to whoever watches, who aborts with `Break`. Leaves out
-//! heaters, pause and going on with a job that was begun: the command has them.
+//! In: a port by name. Out: progress reports to the caller, who aborts with `Break`. Heaters, pause
+//! and resuming a job are not covered: the command has them.
 
 use super::{Error, Job};
 use crate::drive::patience::Patience;

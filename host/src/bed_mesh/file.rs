@@ -1,4 +1,4 @@
-//! `bed.toml`: a mesh for people to read. Text <-> [`BedMesh`], checked.
+//! `bed.toml`: a bed mesh as readable text. Text <-> [`BedMesh`], checked.
 
 use super::surface::POINTS_MIN;
 use super::{BedMesh, FADE_HEIGHT_MM, FADE_START_MM};

@@ -4,10 +4,10 @@
 //! bed.toml --file--> BedMesh --surface--> shift of the tip in Z at (x, y, z)
 //! SegmentStream --refined: spans of at most 2 mm--> --shifted control points--> --checked--> SegmentStream
 //! ```
-//! In: a finished job, machine coordinates, and a mesh in the same. Out: the same job over that bed: marks,
-//! events, volumes and times are kept, Z alone changes. Applied when a job is sent, not when it is planned
-//! and not on the board: docs/design/bed-mesh.md says why. Every span is looked at again by the code with
-//! which the board will. Left out: probing, which is `cli/board/probe.rs`.
+//! In: a finished job and a bed mesh, both in machine coordinates. Out: the same job over that bed: marks,
+//! events, volumes and times are kept, only Z changes. The mesh is applied when a job is sent, not when it
+//! is planned and not on the board: docs/design/bed-mesh.md gives the reasons. Every span is checked again
+//! by the same code that the board runs. Not covered: probing (`cli/board/probe.rs`).
 
 mod file;
 mod refined;

@@ -1,8 +1,8 @@
-//! The same curve in shorter spans, so that its control points are near it.
+//! Divides a curve into shorter spans, so that its control points are near it.
 //!
 //! In: a stream. Out: the same B-spline over more knots: control points are values of its blossom (Oslo
-//! algorithm: Cohen, Lyche and Riesenfeld, 1980), rounded once, to half a unit. Events are moved into their part
-//! of the span. The first two spans, whose durations are not sent, are left whole.
+//! algorithm: Cohen, Lyche and Riesenfeld, 1980), rounded once, to half a unit. Each event moves to the part of
+//! the span that contains it. The first two spans, whose durations are not sent, are not divided.
 
 use crate::job::{LEAD_IN_SPANS, SegmentStream};
 use headway_protocol::segment::{FlowEvent, Knot, REST_TICKS};

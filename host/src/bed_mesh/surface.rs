@@ -1,8 +1,9 @@
-//! Height of a bed between the points of its grid.
+//! The height of a bed between the points of its grid.
 //!
-//! Bicubic by Catmull and Rom (1974), as cubic convolution of Keys (1981, a = -1/2): through every point,
-//! once differentiable, third order for smooth beds. Beyond the edge a row goes on as the parabola of its last
-//! three points (Keys' boundary condition); beyond the grid the height is that of its edge.
+//! Bicubic by Catmull and Rom (1974), as cubic convolution of Keys (1981, a = -1/2): it interpolates every
+//! point, is once differentiable and of third order for smooth beds. In the cells at the edge a row is
+//! extended by the parabola through its last three points (Keys' boundary condition); beyond the grid the
+//! height is that of its edge.
 
 use super::BedMesh;
 

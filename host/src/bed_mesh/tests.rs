@@ -1,6 +1,6 @@
-//! Goal: a mesh goes through its points and near a smooth bed, a job over it is the same curve lifted by
-//! the bed's height, and what cannot be is refused with its key or its place. Method: beds by formula, the
-//! plan and its lifted twin evaluated side by side at many times, hostile files.
+//! Goal: a mesh interpolates its points and is near a smooth bed, a job over it is the same curve lifted
+//! by the bed's height, and invalid input is refused with its key or its place. Method: beds by formula,
+//! the plan and the lifted plan evaluated at many times, hostile files.
 use super::surface::POINTS_MIN;
 use super::*;
 use crate::drive::plan_curve::{PlanCursor, stream_ticks};

@@ -1,7 +1,7 @@
-//! Lines of a pattern: what each is, and its waypoints.
+//! Lines of a pattern: their geometry and their waypoints.
 //!
 //! In: ends and headings, mm and degrees, pattern coordinates. Out: [`Line`]s, and runs of waypoints in which
-//! every line is a pass. Leaves out: which lines make a pattern.
+//! every line is a pass. Not covered: which lines make a pattern.
 
 use crate::input::waypoints::{PassAsked, Waypoint, WaypointRun};
 use crate::settings::{PrimeRetract, Settings};

@@ -1,12 +1,12 @@
-//! Printed patterns that tell the numbers of a machine file.
+//! Printed patterns from which the values of a machine file are read.
 //!
 //! ```text
 //! name, options, Settings --pattern--> Pattern: lines with the values they stand for, how to read them
 //!                                        '--> runs of waypoints, planned as any other
 //! ```
-//! Each pattern lays lines of which one fits, or two marks at a known distance, so that a number is read off
-//! without an instrument finer than a ruler or an eye. Lengths in mm, angles in degrees, in pattern coordinates:
-//! the origin is named by [`Pattern::at_mm`]. Leaves out files, and what no line shows: homing, temperatures.
+//! Each pattern prints lines of which one fits, or two marks at a known distance, so that a value can be read by
+//! eye or with a ruler. Lengths are in mm, angles in degrees, in pattern coordinates, whose origin is
+//! [`Pattern::at_mm`]. Not covered: files, and values that no line shows (homing, temperatures).
 
 mod error;
 mod line;

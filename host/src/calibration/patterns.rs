@@ -1,7 +1,7 @@
-//! Patterns of whole lines: steps, heading, pressure advance, prime, retract.
+//! Patterns of undivided lines: steps, heading, pressure advance, prime, retract.
 //!
-//! In: what is asked, the settings. Out: lines in pattern coordinates (mm, degrees) and words. Read by a ruler
-//! or by comparing neighbours. Leaves out patterns in halves (`verniers`).
+//! In: the requested pattern, the settings. Out: lines in pattern coordinates (mm, degrees) and instructions.
+//! They are read with a ruler or by comparing neighbours. Not covered: patterns in two halves (`verniers`).
 
 use super::line::{Line, length_mm, longer_mm, pitch_mm};
 use super::{Asked, CalibrationError, Drawn, values};

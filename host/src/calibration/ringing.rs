@@ -1,7 +1,8 @@
-//! Walls on which the ringing of a frame is seen: waves behind a corner, as far apart as the head goes in a period.
+//! Walls on which the ringing of a frame is visible: waves after a corner, spaced by the distance that the head
+//! travels in a period.
 //!
-//! In: what is asked, the settings. Out: two walls of some layers, each an angle of two legs: behind the corner the
-//! joint that has just stopped rings across the leg that is laid next. Leaves out the sweep for an
+//! In: the requested pattern, the settings. Out: two walls of some layers, each an angle of two legs: after the
+//! corner the joint that has just stopped rings across the leg that is printed next. Not covered: the sweep for an
 //! accelerometer (`sweep`).
 
 use super::line::{Line, length_mm, pitch_mm};

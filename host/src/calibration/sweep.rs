@@ -1,11 +1,11 @@
 //! A motion that shakes one joint with a rising frequency, to find where a frame rings.
 //!
-//! In: first and last frequency, the machine. Out: a stream without material: X to and fro, then Y, each a chirp
-//! x(t) = A(t) sin(2π (f0 t + r t²/2)) that rises by r = 1 Hz a second, and when it is at which frequency.
-//! Speed and acceleration keep to the machine's limits; **the jerk does not**: a machine that may not be jerked is
-//! not shaken, and the board asks for speed and acceleration alone. The curve is the B-spline of the wire itself: its
-//! acceleration runs straight from knot to knot, so that second differences of the control points bound it.
-//! Leaves out measuring: that is an accelerometer's, or an eye's.
+//! In: first and last frequency, the machine. Out: a stream without material: X back and forth, then Y, each a chirp
+//! x(t) = A(t) sin(2π (f0 t + r t²/2)) that rises by r = 1 Hz a second, and the time of each frequency. Speed and
+//! acceleration keep to the machine's limits; **the jerk does not**: within its limit a machine could not be shaken,
+//! and the board checks speed and acceleration only. The curve is the B-spline of the wire format: its acceleration
+//! is linear from knot to knot, so that second differences of the control points bound it. Not covered: the
+//! measurement, which is made with an accelerometer or by eye.
 
 use super::CalibrationError;
 use crate::job::{Mark, MotionState, SegmentStream};

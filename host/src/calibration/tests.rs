@@ -1,6 +1,6 @@
-//! Goal: a pattern read as its words say gives the number the machine really has. Method: a machine that is off
-//! by a known amount; where its beads really lie and how wide they are, computed here from the lines' headings
-//! and axes; the line that fits must be the one whose value is what the machine is off by.
+//! Goal: a pattern read as instructed gives the machine's true value. Method: a machine with a known error;
+//! positions and widths of its real beads are computed here from the lines' headings and axes; the line that
+//! fits must be the one whose value is that error.
 
 use super::*;
 use headway_firmware::configuration::Kinematics;

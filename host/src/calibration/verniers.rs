@@ -1,10 +1,10 @@
-//! Patterns read like a vernier: lines in two halves, the second shifted a little more from line to line; where
-//! the halves are in line, the shift is what the machine is off by.
+//! Patterns that are read like a vernier: lines in two halves, the second shifted a little more from line to
+//! line; where the halves are in line, the shift is the machine's error.
 //!
-//! With the nozzle off its axis by e (tool axes) the bead's middle at heading phi is R(phi) e from where it was
-//! sent: half a turn apart the two halves differ by 2 e. With a pivot length L in place of the true L', the tip
-//! of a head that leans by theta lands (L - L') sin(theta) off, to the side it leans to; the halves lean to
-//! either side, so that they differ by twice that.
+//! With the nozzle off its axis by e (tool axes) the bead's middle at heading phi is R(phi) e from the
+//! commanded position: at headings half a turn apart the two halves differ by 2 e. With a pivot length L
+//! instead of the true L', the tip of a head that is tilted by theta is off by (L - L') sin(theta), towards the
+//! side of the tilt; the halves are printed with opposite tilts, so that they differ by twice that.
 
 use super::line::{Line, length_mm, longer_mm, pitch_mm};
 use super::{Asked, CalibrationError, Drawn, one_digit, values};

@@ -1,4 +1,4 @@
-//! Why a command ends without its result, and the exit status of that.
+//! Why a command ends without its result, and its exit status then.
 
 use std::process::ExitCode;
 

@@ -1,8 +1,8 @@
 //! The command line: options -> settings, input, pipeline -> figures, files, exit status.
 //!
-//! The only place that reads and writes files and the terminal. JSON goes to stdout and everything
-//! for the eye to stderr, so that a pipe sees one object and nothing else. Exit status: 0 done,
-//! 1 the job cannot be done as asked, 2 wrong usage.
+//! The only module that reads and writes files and the terminal. JSON goes to stdout and everything
+//! for people to stderr, so that a pipe gets one object and nothing else. Exit status: 0 done, 1
+//! the job cannot be done as requested, 2 wrong usage.
 
 mod args;
 mod board;

@@ -1,6 +1,6 @@
-//! `headway completions` and `headway man`: what a shell and `man` know of this command.
+//! `headway completions` and `headway man`: shell completions and manual pages of this command.
 //!
-//! Both are made of the very options that the command reads, so that they cannot fall behind it.
+//! Both are generated from the options that the command reads, so that they cannot get out of date.
 //! In: a shell's name, or a folder. Out: a script on stdout; a page, or a page for each command.
 
 use crate::cli::args::Arguments;

@@ -1,14 +1,14 @@
-//! The hosts of a simulated board: who streams and moves, who asks and stops.
+//! The hosts of a simulated board: one streams and moves, the others query and stop.
 //!
 //! ```text
 //! connections -> nothing of them is read twice: first line -> the machine's own receiver
 //!                                               others     -> a receiver each (`Receiver::watching`)
 //! ```
-//! The first line is whose host has asked for something that needs it (a stream, a move, heat), or who speaks while
-//! nobody has it. Another host that needs it gets it where the first one's has asked for nothing of that kind, or is
-//! at rest, cold and without a stream, or was silent for as long as the board waits for a host. Who only asks never
-//! gets it from another, so that a watcher is none of the next stream's business. Connections that say nothing hold no
-//! place that another one needs: the one that was silent longest is closed.
+//! The first line belongs to the host that has requested something that needs it (a stream, a move, heat), or that
+//! sends while no host has it. Another host that needs it gets it if the first host has requested nothing of that
+//! kind, or its machine is at rest, cold and without a stream, or it was silent for as long as the board waits for a
+//! host. A host that only queries never takes it from another, so that a watcher does not interfere with the next
+//! stream. Silent connections do not occupy a slot that another one needs: the one that was silent longest is closed.
 
 use crate::drive::transport::{Listener, Transport};
 use headway_firmware::configuration::MachineConfiguration;

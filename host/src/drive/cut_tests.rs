@@ -1,6 +1,6 @@
-//! Goal: a stream that is cut at any byte goes on where it was, and every step is made once. Method: the
-//! sender and the firmware library over two pipes that lose everything under way at random bytes of
-//! either direction, a thousand times in all; counts and spans are those of the clean run.
+//! Goal: a stream that is cut at any byte continues where it was, and every step is made once. Method:
+//! the sender and the firmware library over two pipes that lose everything in transit at random bytes of
+//! either direction, a thousand times in all; counts and spans are those of an undisturbed stream.
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderSetup, SenderState};
 use crate::drive::test_streams::{planar, spiral};

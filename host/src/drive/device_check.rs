@@ -1,10 +1,10 @@
-//! What a board would refuse of a finished job: its own checks, before the job is written.
+//! The board's own checks of a finished job, made before the job is written.
 //!
-//! In: the pieces of a stream (integer units, servo ticks) as they come, the machine. Out: the first fault that
-//! a board would latch, with its time and place, or none. The firmware library runs the job servo tick by servo
-//! tick at the planned path rate: demands of each span, ranges of the joints, rate and acceleration of
-//! the extruder with pressure advance, primes and retracts together. Its step programs are not played, so that no step
-//! is made. Leaves out the line, overrides, heaters and inputs, which no plan knows.
+//! In: the pieces of a stream (integer units, servo ticks) as they come, the machine. Out: the first fault that a
+//! board would latch, with its time and place, or none. The firmware library runs the job servo tick by servo tick at
+//! the planned path rate: demands of each span, ranges of the joints, rate and acceleration of the extruder with
+//! pressure advance, primes and retracts together. Its step programs are not executed, so that no step is made. Not
+//! covered: the line, overrides, heaters and inputs, which a plan does not contain.
 
 use crate::job::SegmentStream;
 use headway_firmware::configuration::homing::HomingConfiguration;

@@ -1,8 +1,8 @@
-//! What a host has switched on: whoever switches something on owns it until somebody takes it over.
+//! Heaters and fans that a host has switched on: it owns them until another host takes them over.
 //!
-//! In: commands as they are given and as they are taken. Out: the commands that switch off all of it. A command
-//! counts from the moment at which it is given, since it may arrive although no answer does; an order to switch off
-//! counts when it is taken, and only if it was the last that was given. Left out: who gives the commands, and when.
+//! In: commands as they are sent and as they are accepted. Out: the commands that switch everything off. A command
+//! counts from the time at which it is sent, since it may arrive although no answer does; a command to switch off
+//! counts when it is accepted, and only if it was the last one sent. Not covered: who sends the commands, and when.
 
 use headway_protocol::message::{Control, HEATERS_MAX};
 

@@ -1,6 +1,6 @@
-//! Goal: whatever a board says, a host that streams comes to an end within the bound of what it waits
-//! for, and says what the board said last. Method: an honest controller whose every message goes through
-//! a liar, of many kinds; both ends on a virtual clock with the host's own patience.
+//! Goal: whatever a board sends, a streaming host ends within the bound of its current wait, and reports
+//! the board's last message. Method: a correct controller whose messages are falsified in many ways;
+//! both ends on a virtual clock with the host's own time limits.
 use super::*;
 use crate::drive::patience::{ANSWER_US, GONE_US, LINE_US, PAUSE_US, PROGRESS_US, Patience, Wait};
 use crate::drive::patience::{COMMAND_US, REST_US};

@@ -1,11 +1,11 @@
-//! Independent sampler of the finished segments: how close they come to each limit.
+//! An independent sampler of the finished segments: their ratio to each limit.
 //!
 //! [`SegmentStream`] -> ratios to `plan_share` of every limit. It shares no code with the planner:
-//! spans are evaluated in double precision from the control points, joints by inverse kinematics
-//! of the local Taylor polynomial. Looked at are every servo tick, knots from both sides (there lie
-//! the extremes of every channel's acceleration), the middle between ticks, and the extremes of
-//! every channel's velocity. Joint derivatives of machines that are not linear in the channels come
-//! from central differences over `DIFFERENCE_S`.
+//! spans are evaluated in double precision from the control points, joints by inverse kinematics of
+//! the local Taylor polynomial. It samples every servo tick, knots from both sides (where every
+//! channel's acceleration has its extremes), the middle between ticks, and the extremes of every
+//! channel's velocity. Joint derivatives of machines that are not linear in the channels come from
+//! central differences over `DIFFERENCE_S`.
 
 mod crawl;
 mod pair;

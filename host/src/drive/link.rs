@@ -1,9 +1,9 @@
-//! A simulated serial line with faults: bytes in, the same bytes out later, mostly.
+//! A simulated serial line with faults: bytes in, mostly the same bytes out later.
 //!
-//! One [`Line`] is one direction. Frames are put on it whole; bytes leave it at the line's rate
+//! One [`Line`] is one direction. Complete frames are put on it; bytes leave it at the line's rate
 //! (10 bits a byte), after the delay, subject to the faults of a [`LinkSpec`]. Time is an argument,
-//! in microseconds; chance comes from one seeded generator per line, so a run can be repeated.
-//! A stall holds bytes back; a pull loses those under way.
+//! in microseconds; random numbers come from one seeded generator per line, so a simulation can be
+//! repeated. A stall delays bytes; a pull loses those in transit.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -1,5 +1,5 @@
-//! The log of a conversation: every byte that crossed the line, when, and which way; and its
-//! replay through the firmware library.
+//! The log of a conversation: every byte on the line with its time and direction; and its replay
+//! through the firmware library.
 //!
 //! ```text
 //! # headway link log 1
@@ -8,11 +8,11 @@
 //! 1236000 < 0e0201...          board to host
 //! 1240000 ! line lost          what happened to the line
 //! ```
-//! Lines that begin with `#` say more; `log_place` has one of them. What is buffered goes out ten times a second, so
-//! that a host that dies leaves a log that ends within a line.
+//! Lines that begin with `#` hold further data; `log_place` has one of them. The buffer is flushed ten times a
+//! second, so that the log of a host that dies ends within a line.
 //!
-//! A replay needs no board and no clock: the host's bytes go to a controller at their times, on a
-//! virtual clock, so the same log gives the same steps each time.
+//! A replay needs no board and no clock: the host's bytes go to a controller at their recorded
+//! times, on a virtual clock, so the same log gives the same steps each time.
 
 use crate::drive::record::StepLog;
 use headway_firmware::configuration::{ConfigurationError, MachineConfiguration};

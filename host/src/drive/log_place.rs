@@ -1,13 +1,14 @@
-//! How far a stream had come by its log: what the board said last, and what was sent to it.
+//! The progress of a stream according to its log: the board's last report, and the frames sent to
+//! it.
 //!
 //! ```text
 //! # rest of job 1a2b3c4d from pass 17       the stream is what was left of that job (`job::resume`)
 //! 1234567 > ...  Start                      which stream; from its acknowledgement on
 //! 1240000 < ...  Status, Ack                spans that are done
 //! ```
-//! In: the lines of a log. Out: [`LoggedStream`]. A disk that is full leaves [`UNWRITTEN`] at its end: the stream went on.
-//! A power cut leaves a last line that is not whole, or bytes that
-//! were never written behind it: both are its end. A line that cannot be read with good ones behind it is damage.
+//! In: the lines of a log. Out: [`LoggedStream`]. A log that filled the disk has [`UNWRITTEN`] at its end: the stream
+//! continued. A power failure leaves an incomplete last line, or bytes after it that were never written: both are
+//! read as its end. A line that cannot be read, followed by good ones, is damage.
 
 use crate::drive::link_log::{Entry, HEAD, LINE_BYTES_MAX, LogError, Way, entry};
 use crate::job::resume::LoggedStream;

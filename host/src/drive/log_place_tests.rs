@@ -1,4 +1,5 @@
-//! Goal: a log tells how far its stream had come, whatever a power cut left of it. Method: conversations by hand.
+//! Goal: a log gives the progress of its stream, whatever a power failure left of it. Method: conversations
+//! written by hand.
 
 use super::*;
 use crate::drive::link_log::LinkLog;

@@ -1,4 +1,4 @@
-//! Moves finished segments: sender, link, simulator; checks what came out. Never imports `plan`.
+//! Moves finished segments (sender, link, simulator) and checks the result. Never imports `plan`.
 
 mod board_lines;
 pub mod device_check;

@@ -1,9 +1,9 @@
-//! How long a host waits for a board: every wait has a bound that fits what it waits for.
+//! Time limits of a host that waits for a board: each wait has its own.
 //!
-//! What a [`Sender`] has reached, and time in microseconds -> nothing, or the wait that is over and what
-//! the board said last. A board that answers and never gets on is as bad as one that is silent. Frames
-//! taken and spans done only ever grow here, so that a board cannot buy time by going to and fro.
-//! Left out: the user's own patience (Ctrl-C, `abort`), which is asked elsewhere.
+//! Progress of a [`Sender`], and time in microseconds -> nothing, or the wait that timed out and the
+//! board's last report. A board that answers but makes no progress is treated like a silent one. The
+//! counts of accepted frames and finished spans only ever grow here, so that a board cannot gain time by
+//! reporting smaller ones. Not covered: the user's abort (Ctrl-C, `abort`), which is handled elsewhere.
 
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::SenderState;

@@ -1,8 +1,10 @@
-//! How long a pause keeps its heat: a print that somebody paused and forgot does not heat all night.
+//! Limits how long a pause keeps heaters on: a print that was paused and forgotten does not heat all
+//! night.
 //!
-//! In: statuses, the targets that were ordered, time in microseconds. Out: once that the pause keeps heat, once
-//! that it is over, with the commands that switch off; the commands that heat again before the job goes on. The
-//! pause itself stays. Left out: hot ends that wait cooler in a pause, which is the board's affair.
+//! In: statuses, the commanded targets, time in microseconds. Out: a notice that the pause keeps heating, a
+//! notice that this is over, with the commands that switch off; the commands that heat again before the job
+//! continues. The pause itself continues. Not covered: a lower temperature of hot ends during a pause, which
+//! the board handles.
 
 use crate::drive::heat_owner::{HeatOwner, off};
 use headway_protocol::message::{Control, DeviceState, HEATERS_MAX, Status};

@@ -1,4 +1,4 @@
-//! The planned motion in double precision: what steps and limits are checked against.
+//! The planned motion in double precision: the reference for steps and limits.
 //!
 //! [`SegmentStream`] -> channels in natural units at any segment time, walked forward.
 

@@ -1,7 +1,7 @@
-//! Moves bytes between a [`Sender`] and a port in real time, and opens the port again when the
-//! line is lost: the cable may be pulled and put back, the sender goes on by itself.
+//! Moves bytes between a [`Sender`] and a port in real time, and reopens the port when the line is
+//! lost: the cable may be unplugged and plugged in again, the sender continues by itself.
 //!
-//! Call [`Pump::turn`] over and over; each call waits a few milliseconds at most.
+//! Call [`Pump::turn`] repeatedly; each call waits a few milliseconds at most.
 
 use crate::drive::link_log::{LinkLog, Way};
 use crate::drive::sender::Sender;

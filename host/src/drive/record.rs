@@ -1,4 +1,5 @@
-//! What a simulated controller did: every step, and where on the path it was at every servo tick.
+//! A recording of a simulated controller: every step, and its position on the path at every servo
+//! tick.
 //!
 //! Steps are packed into two bytes each, so ten million take 20 MB. Ticks are step ticks since the
 //! controller's start-up; [`MotionRecord`] knows at which of them the job began.

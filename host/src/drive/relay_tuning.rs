@@ -1,10 +1,11 @@
-//! Gains of a heater from an oscillation (Åström and Hägglund, 1984).
+//! Finds the gains of a heater from an oscillation (Åström and Hägglund, 1984).
 //!
-//! In: temperature, °C, and duty with their times, s, while full power is switched at a temperature. Out:
-//! whether full power is due, and at the end gains and the loss to the air. A relay of amplitude d makes
-//! a lagging plant swing by a with the period of its stability limit, whose gain is 4 d / (pi a); the gains
-//! are those of Ziegler and Nichols from there, as Klipper's `PID_CALIBRATE` takes them, at half the
-//! proportional gain: the heat balance does the rest here. Left out: who switches.
+//! In: temperature, °C, and duty with their times, s, while full power is switched on and off around a
+//! temperature. Out: whether full power is due, and at the end the gains and the loss to the air. A relay
+//! of amplitude d makes a lagging plant oscillate by a with the period of its stability limit, whose gain
+//! is 4 d / (pi a); from there the gains are those of Ziegler and Nichols, as in Klipper's `PID_CALIBRATE`,
+//! with half the proportional gain, because the controller here has a heat balance as well. Not covered:
+//! the switching itself.
 
 use headway_firmware::configuration::heat::Gains;
 use headway_firmware::heat::regulator::AMBIENT_C;

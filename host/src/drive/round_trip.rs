@@ -1,4 +1,4 @@
-//! How long an answer takes, estimated as TCP does (Jacobson; RFC 6298).
+//! An estimate of the round-trip time, as in TCP (Jacobson; RFC 6298).
 
 /// First guess: a slow line with a full window.
 const START_US: u64 = 100_000;

@@ -1,15 +1,15 @@
 //! The host's end of the link, sans-IO: handshake, credits, resends, keep-alive.
 //!
 //! [`WireFrames`] -> bytes for the line; bytes from the line -> progress. Time is an argument, in
-//! microseconds of any clock that only goes forward. Call order: whenever bytes arrive,
-//! [`Sender::handle_bytes`]; whenever the line has room, [`Sender::poll_transmit`] until it yields
+//! microseconds of any clock that only goes forward. Call order: when bytes arrive,
+//! [`Sender::handle_bytes`]; when the line has room, [`Sender::poll_transmit`] until it returns
 //! nothing; then [`Sender::poll_event`] until it is empty; again at the latest after
 //! [`POLL_INTERVAL_US`]. Commands ([`Sender::command`]) may come at any time.
 //!
-//! The stream goes back to the frame that the controller asks for (go-back-N); control messages go
-//! one at a time and overtake the stream. `protocol/WIRE.md` has the rules of the conversation.
-//! Left out: opening and closing the line, which is the transport's affair; this machine goes on
-//! by itself when the line comes back.
+//! The stream goes back to the frame that the controller requests (go-back-N); control messages are
+//! sent one at a time and overtake the stream. `protocol/WIRE.md` has the rules of the
+//! conversation. Not covered: opening and closing the line, which the transport does; this state
+//! machine continues by itself when the line is restored.
 
 use crate::drive::patience::said;
 use crate::drive::round_trip::{RETRY_MAX_US, RETRY_MIN_US, RoundTrip};

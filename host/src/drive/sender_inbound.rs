@@ -1,4 +1,4 @@
-//! What the sender makes of the controller's messages: welcome, acknowledgements, gaps, refusals,
+//! How the sender handles the controller's messages: welcome, acknowledgements, gaps, refusals,
 //! faults, status. A part of [`Sender`]; the outgoing side and the call order are in `sender`.
 
 use super::Sender;

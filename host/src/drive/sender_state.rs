@@ -1,4 +1,4 @@
-//! What can be said about a conversation with the controller: setup, states, errors, news, counters.
+//! The state of a conversation with the controller: setup, states, errors, events, counters.
 
 use crate::job::file::JobHeader;
 use headway_protocol::message::{

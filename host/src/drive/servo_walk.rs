@@ -1,11 +1,11 @@
-//! Plan and recorded steps side by side, one servo interval at a time.
+//! Walks through plan and recorded steps together, one servo interval at a time.
 //!
-//! Both are put on one clock: servo ticks since the segment time began to run, the constant delay
-//! between a pose's evaluation and its steps taken out. At tick i the controller was at segment
-//! time u_i (it says so itself); plan and joint positions are exact there and interpolated between
-//! ticks by the cubic through four of them, which is good to a nanometre for jerk-limited motion.
-//! So a run with holds is compared along the path like any other. Where joints are shaped, the plan is
-//! the shaped one (`shaped_plan.rs`).
+//! Both are on one clock: servo ticks since the segment time began to run, with the constant delay
+//! between a pose's evaluation and its steps removed. At tick i the controller was at segment time u_i
+//! (which it reports); plan and joint positions are exact there and interpolated between ticks by the
+//! cubic through four of them, which is accurate to a nanometre for jerk-limited motion. So a print
+//! with holds is compared along the path like any other. Where joints are shaped, the plan is the
+//! shaped one (`shaped_plan.rs`).
 
 use crate::drive::joint_track::JointTrack;
 use crate::drive::plan_curve::PlanCursor;

@@ -1,10 +1,10 @@
-//! The plan as input shapers leave it: what shaped steps are compared with.
+//! The plan after the input shapers: the reference for shaped steps.
 //!
-//! Plan at successive servo ticks -> the same with every shaped joint at the mean that its shaper makes
-//! of earlier and later ticks, the common delay taken out, in f64; the pose is that of these joints. Also
-//! how far the shaped tip lies from the planned path (from the nearest place on it, not from where the
-//! plan is at that moment: a shaped head is a little early or late along the path too).
-//! Source of the shapers: [`headway_firmware::steps::shaping`]. Left out: the extruder, which is not shaped.
+//! Plan at successive servo ticks -> the same with every shaped joint at its shaper's weighted mean of
+//! earlier and later ticks, the common delay removed, in f64; the pose is that of these joints. Also the
+//! distance of the shaped tip from the planned path (from the nearest point of it, not from the planned
+//! position at that time: a shaped head is also a little early or late along the path). Source of the
+//! shapers: [`headway_firmware::steps::shaping`]. Left out: the extruder, which is not shaped.
 
 use crate::drive::servo_walk::{PlanSample, PlanSamples};
 use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};

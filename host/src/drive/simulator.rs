@@ -1,9 +1,9 @@
 //! Host, link and the real firmware library on one virtual clock.
 //!
-//! [`WireFrames`] -> sender -> simulated line -> [`Machine`] -> recorded steps. The clock advances
-//! by one servo period at a time, in which the controller makes one round, as a board does ([`Machine::round`]):
-//! bytes that have arrived, its interval, its reports; then the sender answers. Nothing waits for the wall clock, and every
-//! random choice comes from the seed, so a run can be repeated to the step.
+//! [`WireFrames`] -> sender -> simulated line -> [`Machine`] -> recorded steps. The clock advances by one servo
+//! period at a time, in which the controller makes one round, as a board does ([`Machine::round`]): bytes that have
+//! arrived, its interval, its reports; then the sender answers. Nothing waits for the wall clock, and every random
+//! choice comes from the seed, so a simulation can be repeated to the step.
 
 use crate::drive::link::{Line, LinkSpec};
 use crate::drive::record::MotionRecord;

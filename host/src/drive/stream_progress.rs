@@ -1,4 +1,4 @@
-//! Where a streamed job is: spans done -> time left, layer, pass, tip speed.
+//! Progress of a streamed job: finished spans -> time left, layer, pass, tip speed.
 
 use crate::job::{MotionState, SegmentStream};
 use headway_protocol::message::Status;

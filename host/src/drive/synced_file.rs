@@ -1,8 +1,9 @@
-//! A file whose contents outlast a power cut, but for the last second or two, and which says so where it ends early.
+//! A file whose contents survive a power failure, except for the last second or two, and which is marked where it
+//! ends early.
 //!
-//! Writes go into a buffer as ever; a thread of its own asks the system once a second to put what was flushed onto
-//! the disk, so that whoever writes never waits for one. The first error of either ends the file: its last words are
-//! written over its last whole lines, where a full disk has room for them, and it says no more.
+//! Writes go into a buffer as usual; a thread of its own syncs flushed data to disk once a second, so that the
+//! writer never waits for the disk. The first error of either ends the file: a final message overwrites its last
+//! complete lines, where a full disk has room for it, and nothing more is written.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};

@@ -1,9 +1,10 @@
-//! Which limit took which share of the printing time, and where the nozzle is slowest.
+//! The share of the printing time that each limit determines, and the places where the nozzle is
+//! slowest.
 //!
 //! [`SegmentStream`] -> shares by the name of the limit, the slowest places. At every servo tick of a
-//! pass the limit that is used most counts, where that is at least `AT_LIMIT` of its planned share;
-//! else nothing does ("none": the motion is on its way from one limit to another, or the segments'
-//! fit holds it back). Left out: the extruder with its events, which hardly ever binds.
+//! pass the limit with the highest use counts, if that is at least `AT_LIMIT` of its planned share;
+//! otherwise none does ("none": the motion is between one limit and another, or the segments' fit
+//! slows it). Not covered: the extruder with its events, which is hardly ever the limit.
 
 use crate::drive::limits::Moment;
 use crate::job::{MotionState, SegmentStream};

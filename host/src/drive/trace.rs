@@ -1,12 +1,11 @@
 //! Recorded steps -> joint positions -> forward kinematics -> poses, compared with the plan.
 //!
-//! [`SegmentStream`] and [`MotionRecord`] -> [`TraceFigures`]. The poses are looked at just before
-//! and just after every step and at every servo tick. The constant delay between a pose's
-//! evaluation and its steps ([`headway_firmware::steps::delay::motion_delay_s`]) is taken out. Step times
-//! are compared with the exact crossing of the planned joint position through n + 1/2; where a
-//! joint hardly moves the crossing time is not defined to microseconds, so they are judged from
-//! [`STEP_TIME_SPEED_MIN_STEPS_S`] on.
-//! Left out: the extruder's step times; its end is checked by volume and count.
+//! [`SegmentStream`] and [`MotionRecord`] -> [`TraceFigures`]. Poses are compared just before and just
+//! after every step and at every servo tick. The constant delay between a pose's evaluation and its steps
+//! ([`headway_firmware::steps::delay::motion_delay_s`]) is removed. Step times are compared with the
+//! exact crossing of the planned joint position through n + 1/2; where a joint hardly moves the crossing
+//! time is not defined to microseconds, so they are compared from [`STEP_TIME_SPEED_MIN_STEPS_S`] on. Not
+//! covered: the extruder's step times; its final position is checked by volume and count.
 
 use crate::drive::joint_track::JointTrack;
 use crate::drive::plan_curve::{PlanCursor, stream_ticks};

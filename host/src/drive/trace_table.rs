@@ -1,11 +1,10 @@
-//! What the simulated steps really did, as CSV: poses by forward kinematics, and every step.
+//! The simulated motion as CSV: poses by forward kinematics, and every step.
 //!
 //! `--trace`: one row every `every_ms` of real time from the job's first segment, in the input's
 //! coordinates. Positions, tool axis and heading come from the step counts; the speed is the tip's
-//! way over `SPEED_WINDOW_S`, since single steps have none; the flow is that of the deposited
-//! volume at the segment time where the controller really was. While it stands off its plan's
-//! rests the state is `hold`.
-//! `--trace-steps`: one row a step.
+//! distance over `SPEED_WINDOW_S`, since single steps have none; the flow is that of the deposited
+//! volume at the controller's true segment time. While it is stopped other than at a planned rest
+//! the state is `hold`. `--trace-steps`: one row per step.
 
 use crate::drive::record::MotionRecord;
 use crate::drive::servo_walk::ServoWalk;

@@ -1,6 +1,5 @@
-//! Goal: the comparison finds exactly the errors that are there. Method: an ideal controller that
-//! takes the plan itself, steps at the tick nearest to each crossing, then one that is wrong on
-//! purpose.
+//! Goal: the comparison finds exactly the existing errors. Method: an ideal controller that follows
+//! the plan itself and steps at the tick nearest to each crossing, then one with deliberate errors.
 
 use super::*;
 use crate::drive::test_streams::{planar, spiral};

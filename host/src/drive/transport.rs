@@ -1,7 +1,8 @@
-//! Ways to a board: serial port, TCP, unix socket. Opens them, and moves bytes with short waits.
+//! Connections to a board: serial port, TCP, unix socket. Opens them, and moves bytes with short
+//! waits.
 //!
-//! A [`Transport`] is a line that may lose, hold or damage bytes; it knows no frames. An error
-//! means that the line is gone and must be opened again.
+//! A [`Transport`] is a line that may lose, delay or damage bytes; it knows no frames. An error
+//! means that the line is lost and must be reopened.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};

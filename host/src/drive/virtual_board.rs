@@ -1,9 +1,9 @@
 //! A board without hardware: the firmware library behind a TCP or unix socket, in real time or
-//! faster. What streams to it streams to a real board.
+//! faster. A program that streams to it can stream to a real board.
 //!
-//! Its heaters are a model. Its steps go nowhere but into counters and a digest. Limit switches close at their
-//! places, so that homing can be tried. One host streams and moves; others may ask and stop
-//! meanwhile (`board_lines`).
+//! Its heaters are a model. Its steps only go into counters and a digest. Limit switches close at their
+//! positions, so that homing can be tried. One host streams and moves; others may query and stop at the same
+//! time (`board_lines`).
 
 use crate::bed_mesh::BedMesh;
 use crate::drive::board_lines::Lines;

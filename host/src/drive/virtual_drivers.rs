@@ -1,8 +1,9 @@
-//! TMC2209 drivers without hardware: registers behind datagrams, and faults to put into them.
+//! TMC2209 drivers without hardware: registers that are accessed by datagrams, with faults that can
+//! be injected.
 //!
 //! In: bytes as they come off the wire. Out: replies. Written from the data sheet (rev. 1.09, chapters 4 and 5)
-//! and of no code of the firmware; the checksum is that of the `crc` crate. Stands behind the virtual board, and
-//! behind a wire of levels in the tests. Left out: currents and motors.
+//! without code of the firmware; the checksum is that of the `crc` crate. The virtual board uses it, and in the
+//! tests a wire simulated by its levels. Not covered: currents and motors.
 
 use crc::{Algorithm, Crc};
 use headway_firmware::configuration::drivers::{DriverConfiguration, DriversConfiguration};

@@ -1,8 +1,8 @@
-//! Heaters of a board without hardware: what its heat loop regulates and reads.
+//! Heaters of a board without hardware: the plant that its heat loop controls and measures.
 //!
 //! In: duties of the firmware's heat loop, servo ticks. Out: conversions of the sensors. Each heater is one mass
-//! that loses heat to the air: power and loss are those that the board is told of, masses those of a usual hot
-//! end and bed. Leaves out what flow and fan take along, and everything that breaks: `tests/src/thermal` has it.
+//! that loses heat to the air: power and loss are those in the board's settings, masses those of a usual hot end
+//! and bed. Not covered: heat lost to flow and fan, and defects: `tests/src/thermal` has them.
 
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::heat::{

@@ -1,8 +1,8 @@
-//! Several of the same part on the bed: where each lies, and that none touches another.
+//! Several copies of a part on the bed: their positions, checked not to touch.
 //!
-//! In: how many and how far apart, or a place for each (mm); the part's outlines. Out: offsets against the first
-//! one, which lies where the input has it. Rows are as many and as long as leaves the least of the work
-//! area's length and width used up. Leaves out parts of different files, and turning.
+//! In: number and distance of copies, or a position for each (mm); the part's outlines. Out: offsets from the
+//! first one, which keeps the input's position. Number and length of rows are chosen to use the smallest share
+//! of the work area's length and width. Not covered: parts of different files, and rotation.
 
 use crate::geometry::boolean::{filled, grown, intersection};
 use crate::geometry::polygon::{Box2, Region};

@@ -1,10 +1,10 @@
 //! G-code of declared axes whose tool tilts -> a run of waypoints that keeps its volumes and speeds.
 //!
-//! In: a [`GcodeProgram`] whose places are poses on the part (mm, degrees), legs with volume and the tip's speed. Out:
-//! [`WaypointRun`], a pass of the file beginning where it does: each waypoint has the section of its bead (volume for
-//! each mm of the way) and its speed, each pass its prime and retract. Sections meet in their mean and are scaled so
-//! that a pass lays what the file does; speeds meet in the lower one. Leaves out travel, which depends on the machine,
-//! layers, heaters and fans.
+//! In: a [`GcodeProgram`] whose points are poses on the part (mm, degrees), legs with volume and the tip's speed.
+//! Out: [`WaypointRun`] with the file's passes: each waypoint has the section of its bead (volume per mm of path) and
+//! its speed, each pass its prime and retract. Where two legs meet, the section is their mean and the speed the lower
+//! one; sections are scaled so that a pass deposits the file's volume. Not covered: travel, which depends on the
+//! machine, layers, heaters and fans.
 
 use super::gcode_run::{DIVISIONS_MAX, SPACING_MM, heat_note};
 use super::near_waypoints::joined;

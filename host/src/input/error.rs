@@ -1,4 +1,4 @@
-//! Why an input cannot be planned: what, where (mm, in the input's coordinates), what to do.
+//! Why an input cannot be planned: reason, place (mm, in the input's coordinates), remedy.
 
 use super::POINTS_MAX;
 use super::waypoints::WaypointError;

@@ -1,9 +1,9 @@
-//! G-code with tilts -> a run of waypoints: the tip's places with tool axes and headings.
+//! G-code with tilts -> a run of waypoints: the tip's positions with tool axes and headings.
 //!
-//! In: a [`GcodeProgram`] whose A or B is told (mm, degrees, the head at R_x(A) R_y(B) R_z(C)). Out:
-//! [`WaypointRun`], a pass of the file beginning where it does. Long legs are divided, so that the spline
-//! through the waypoints keeps to them. Leaves out widths, speeds, volumes, travel, heaters and
-//! fans: such a run has the machine's, and says so.
+//! In: a [`GcodeProgram`] that contains A or B (mm, degrees, the head at R_x(A) R_y(B) R_z(C)). Out:
+//! [`WaypointRun`] with the file's passes. Long legs are divided, so that the spline through the
+//! waypoints stays on them. Not covered: widths, speeds, volumes, travel, heaters and fans: such a run
+//! uses the machine's, which is reported.
 
 use super::waypoints::{PassAsked, Waypoint, WaypointRun};
 use crate::gcode::{GcodeProgram, Place};

@@ -1,8 +1,8 @@
 //! GeoJSON (RFC 7946): Polygon and MultiPolygon, alone, in features or in collections.
 //!
-//! Coordinates are taken as plain lengths, not as degrees: mm unless `--units` or a foreign member
-//! `units` at the top says otherwise. A third coordinate is passed over with a note, and so are lines
-//! and points among polygons, which have no inside.
+//! Coordinates are read as plain lengths, not as degrees: mm unless `--units` or a foreign member
+//! `units` at the top gives another unit. A third coordinate is ignored with a note, and so are lines
+//! and points among polygons, which have no interior.
 
 use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};

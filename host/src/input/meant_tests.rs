@@ -1,6 +1,6 @@
-//! Goal: what a file means is read, or refused where it most likely means something else: misspelt
+//! Goal: a file is read as intended, or refused where it most likely means something else: misspelt
 //! keys, units that would be lost, lines among polygons, names that are commands. Method: files that
-//! were once read as something else without a word.
+//! were once misread silently.
 
 use super::waypoints::WaypointError;
 use super::*;

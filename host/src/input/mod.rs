@@ -1,4 +1,4 @@
-//! What the user hands in -> a [`Target`] in mm.
+//! The user's input -> a [`Target`] in mm.
 //!
 //! ```text
 //! bytes --polygon|geojson|svg|dxf--> Shape (rings as drawn, file's unit)
@@ -9,8 +9,8 @@
 //! ```
 //! Input: the file's bytes, its [`Format`] and [`ReadOptions`]. Output: regions in the file's own
 //! coordinates (for SVG: mm from the page's lower left corner, y up), and notes for the user.
-//! Nothing is mended in silence: what is not a valid outline is refused with the place and a way
-//! out. Leaves out files and threads: reading the bytes is the command's business.
+//! Nothing is repaired silently: an invalid outline is refused with the place and a remedy. Not
+//! covered: files and threads; the command reads the bytes.
 
 pub mod copies;
 pub mod declared_run;

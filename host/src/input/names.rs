@@ -1,4 +1,4 @@
-//! Names that files give to parts: fit to be shown, and short.
+//! Part names from files: made printable, and short.
 
 /// Longest name that is kept, characters.
 pub const NAME_CHARS_MAX: usize = 200;

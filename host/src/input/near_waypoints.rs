@@ -1,10 +1,10 @@
-//! Waypoints that all but share a place -> one waypoint.
+//! Waypoints at nearly the same position -> one waypoint.
 //!
-//! Published runs have neighbours some micrometres apart whose tool axes differ by degrees: where two
-//! pieces of a run were joined. A curve through both would have to swing the axis over next to no way,
-//! and overshoots. In: the waypoints (mm, input coordinates). Out: the waypoints with each such group in
-//! its middle, and how many went. Places that are the same to [`SAME_PLACE_MM`] stay: there the head is
-//! meant to turn on the spot.
+//! Published runs have neighbours some micrometres apart whose tool axes differ by degrees, where two
+//! parts of a run were joined. A curve through both would have to turn the axis over almost no distance,
+//! and overshoots. In: the waypoints (mm, input coordinates). Out: the waypoints with each such group
+//! replaced by its mean, and the number removed. Positions that are the same to [`SAME_PLACE_MM`] are
+//! kept: there the head is meant to turn in place.
 
 use super::waypoints::{SAME_PLACE_MM, Waypoint};
 use nalgebra::{Point3, Unit, Vector3};

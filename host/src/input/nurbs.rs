@@ -1,8 +1,8 @@
 //! NURBS JSON: `{"name","units","degree","control_points":[[x,y]|[x,y,z],...],"weights","knots"}` ->
 //! a [`WaypointRun`].
 //!
-//! The curve is sampled so densely that the C² spline through the samples is the curve again: chords
-//! no further from it than [`SAG_MM`] and turning by no more than [`TURN_RAD`], which leaves the spline
+//! The curve is sampled so densely that the C² spline through the samples reproduces it: chords are no
+//! further from it than [`SAG_MM`] and turn by no more than [`TURN_RAD`], which keeps the spline within
 //! some ten nanometres. The tool is upright. Output: mm, input coordinates. Evaluation: C. de Boor, A
 //! Practical Guide to Splines (1978), chapter 10, in homogeneous coordinates. Leaves out surfaces and
 //! curves of a list.

@@ -1,8 +1,8 @@
-//! Rings as drawn -> valid regions in mm: the common end of all input formats.
+//! Rings as drawn -> valid regions in mm: the last stage of all input formats.
 //!
-//! Cleans (repeated points), measures (finite, size, count), nests (by the format's order or by
-//! the SVG fill rule), orients (exterior counter-clockwise), and asks whether the result is valid
-//! in the sense of OGC simple features. Coordinates are never changed beyond unit and scale.
+//! Cleans (repeated points), measures (finite, size, count), nests (by the format's order or by the
+//! SVG fill rule), orients (exterior counter-clockwise), and checks whether the result is valid in
+//! the sense of OGC simple features. Coordinates are never changed beyond unit and scale.
 
 use super::error::At;
 use super::names::part_name;

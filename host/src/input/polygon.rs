@@ -1,8 +1,8 @@
 //! Polygon JSON: `{"name","units","exterior":[[x,y],...],"holes":[[[x,y],...],...]}`.
 //!
 //! The first point is not repeated at a ring's end (a repeated one is dropped). Other keys are for
-//! the writer's own use and are passed over, so is `valid`: validity is measured, not believed. A key
-//! that is nearly one of these, or that holds points, is refused: what it says would be lost.
+//! the writer's own use and are ignored, and so is `valid`: validity is checked here. A key that is
+//! nearly one of these, or that holds points, is refused, because its contents would be lost.
 
 use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};

@@ -1,9 +1,9 @@
-//! Cleaned rings -> valid, oriented regions; or what is wrong with them; or, asked to, mended ones.
+//! Cleaned rings -> valid, oriented regions; or their defect; or, on request, repaired ones.
 //!
-//! Two ways in: the format names the exterior (JSON), or a fill rule decides (SVG). In both, rings
-//! that cross are found before anything is concluded from how they nest. Mending goes by the fill
-//! rule: SVG shapes by their own; named rings by "inside the exterior and outside the holes"
-//! (each ring by the non-zero rule), overlapping parts by their union.
+//! Either the format names the exterior (JSON), or a fill rule decides (SVG). In both cases, rings
+//! that cross are found before their nesting is evaluated. Repair follows the fill rule: SVG shapes
+//! by their own; named rings by "inside the exterior and outside the holes" (each ring by the
+//! non-zero rule), overlapping parts by their union.
 
 use super::error::At;
 use super::outline::NamedRing;

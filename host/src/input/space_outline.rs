@@ -1,7 +1,7 @@
 //! An outline that is drawn on a surface in space: polygon JSON whose points have three coordinates.
 //!
-//! In: the file's bytes and [`ReadOptions`]. Out: rings of points in mm, `None` for an outline of the plane. Leaves out
-//! whether they lie on anything: who lays them on a mesh sees to that.
+//! In: the file's bytes and [`ReadOptions`]. Out: rings of points in mm, `None` for an outline of the plane. Not
+//! covered: whether they are on a surface; the projection onto a mesh checks that.
 
 use super::polygon::{SpacePoints, space_points};
 use super::{InputError, ReadOptions};

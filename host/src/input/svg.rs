@@ -1,9 +1,9 @@
 //! SVG: the filled shapes of a page, curves flattened.
 //!
 //! usvg resolves styles, uses, units, transforms and the view box to CSS pixels (96 to the inch);
-//! here they become mm from the page's lower left corner with y up, so that a part comes out as it
-//! is seen. With a unit given, one user unit of the page (of its viewBox) is that long. Each path
-//! is a shape of its own with its fill rule; colours say nothing. Arcs and circles arrive as cubics
+//! here they become mm from the page's lower left corner with y up, so that a part is printed as
+//! displayed. With a unit given, one user unit of the page (of its viewBox) is that long. Each path
+//! is a shape of its own with its fill rule; colours are ignored. Arcs and circles arrive as cubics
 //! that are within 0.03 % of their radius (usvg); flattening adds at most the stated tolerance.
 //! Leaves out: strokes, text (turn both into paths), images, clips, masks.
 

@@ -1,4 +1,4 @@
-//! Goal: what is drawn arrives in mm, on the right side of its lines, and what cannot be printed is
+//! Goal: drawings are read in mm with the correct interior, and those that cannot be printed are
 //! refused with the place. Method: small drawings whose area is known.
 
 use super::*;

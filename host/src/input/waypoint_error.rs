@@ -1,4 +1,4 @@
-//! Why a file is not a run of waypoints, with the line and what to do.
+//! Why a file is not a run of waypoints, with the line and a remedy.
 
 use super::waypoints::{
     BEAD_MAX_MM, CONE_MAX_DEG, HEADING_MAX_DEG, SPEED_RANGE_MM_S, WAYPOINTS_MAX,

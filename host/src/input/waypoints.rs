@@ -1,17 +1,18 @@
-//! Waypoint files: one run of the tip, `x y z nx ny nz [heading_deg]` a line -> [`WaypointRun`].
+//! Waypoint files: one run of the tip, `x y z nx ny nz [heading_deg]` on each line ->
+//! [`WaypointRun`].
 //!
-//! A head may name further columns behind the first six, in any order: `heading_deg`, `width_mm` and
-//! `height_mm` of the bead, `speed_mm_s` of the tip, `cone_deg` by which the tool axis may lean (`--tilt-max`).
-//! Without a head a seventh column is the heading.
+//! A header line may name further columns after the first six, in any order: `heading_deg`, `width_mm` and
+//! `height_mm` of the bead, `speed_mm_s` of the tip, `cone_deg` by which the tool axis may tilt (`--tilt-max`).
+//! Without a header a seventh column is the heading.
 //!
-//! Numbers are parted by blanks, tabs, commas or semicolons; text after `#` is passed over, and so
-//! is one line of column names before the first waypoint. `# units: cm` (or mm, m, um, in), before
-//! the first waypoint, and `# name: ...` are read; without a unit the file is in mm. The tool axis points from the tip
-//! into the head and is made a unit vector; an axis that is clearly none is refused. Headings are
-//! degrees about it and go to the next one by the shorter way.
+//! Numbers are separated by blanks, tabs, commas or semicolons; text after `#` is ignored, and so is one line of
+//! column names before the first waypoint. `# units: cm` (or mm, m, um, in), before the first waypoint, and
+//! `# name: ...` are read; without a unit the file is in mm. The tool axis points from the tip into the head and is
+//! normalised; one whose length is clearly not 1 is refused. Headings are degrees about it and change to the next
+//! one in the shorter direction.
 //!
-//! Output: mm, input coordinates, headings unwrapped, rad. Leaves out the curve, which is
-//! planning's (`plan::waypoint_curve`).
+//! Output: mm, input coordinates, headings unwrapped, rad. Not covered: the curve, which the
+//! planner makes (`plan::waypoint_curve`).
 
 use super::names::part_name;
 use super::near_waypoints::{self, usual_gap_mm};

@@ -8,10 +8,10 @@
 //! footer      u64 LE start of the index | u32 LE frames | u32 LE CRC-32 of index and these 12 bytes
 //!             | "HWJINDEX"
 //! ```
-//! Every byte but the magic is under some CRC, and the header says how many frames, knots and
-//! events there are, so that a truncated or altered file is refused, with the place. Inspecting
-//! reads header and footer only. Lengths are checked against the file before memory is taken.
-//! Left out: the outline and the pictures, which are made from the input.
+//! Every byte except the magic is covered by a CRC, and the header gives the number of frames,
+//! knots and events, so that a truncated or altered file is refused, with the place. Inspecting
+//! reads header and footer only. Lengths are checked against the file before memory is allocated.
+//! Not covered: the outline and the pictures, which are made from the input.
 
 use crate::job::frame_writer::FrameWriter;
 use crate::job::frames::{WireFrames, WireFramesError};

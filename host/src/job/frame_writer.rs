@@ -1,7 +1,7 @@
-//! The frames of a job file, one after the other, and the index of them.
+//! Writes the frames of a job file in order, with their index.
 //!
-//! In: payloads in sending order. Out: frames as on the wire, and where every 64th begins; or a whole job
-//! file whose frames were written to a file of their own before. Leaves out: the header's contents.
+//! In: payloads in sending order. Out: frames as on the wire, and the offset of every 64th; or a complete
+//! job file whose frames were written to a separate file before. Not covered: the header's contents.
 
 use crate::job::file::{
     INDEX_EVERY_FRAMES, IndexEntry, JobFileError, JobHeader, damaged, index_and_footer,

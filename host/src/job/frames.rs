@@ -1,8 +1,8 @@
 //! A segment stream as the messages that carry it: knot blocks, flow events, the finish.
 //!
-//! [`SegmentStream`] -> postcard payloads in sending order, with the totals that credits count;
-//! and back, checked. The sender and the job file use the same payloads, so a job is packed once.
-//! Sequence numbers and CRCs are put around them by `headway_protocol::frame`.
+//! [`SegmentStream`] -> postcard payloads in sending order, with the totals that credits count; and
+//! back, checked. The sender and the job file use the same payloads, so a job is packed once.
+//! `headway_protocol::frame` adds sequence numbers and CRCs.
 
 use crate::job::SegmentStream;
 use crc::Digest;

@@ -1,8 +1,8 @@
-//! What a job orders of heaters and fans, and where on its path.
+//! The heater and fan commands of a job, and their positions on its path.
 //!
-//! In: what a file orders at ticks of the stream, or the `[material]` of a machine file and the layers of a
-//! stream. Out: [`HeatEvent`]s by tick (servo ticks of segment time), and their text in a job's header. Leaves
-//! out who gives them: `stream` to a board, `export` as codes of another controller.
+//! In: a file's commands at ticks of the stream, or the `[material]` of a machine file and the layers of a
+//! stream. Out: [`HeatEvent`]s by tick (servo ticks of segment time), and their text in a job's header. Not
+//! covered: sending them, which `stream` does to a board and `export` as codes of another controller.
 
 use crate::job::Mark;
 use crate::settings::heat::Material;

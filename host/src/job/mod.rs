@@ -1,5 +1,5 @@
-//! A planned job: its segments, the file that holds them, the frames that are sent, what heaters do meanwhile, and
-//! what is left of it after it was interrupted.
+//! A planned job: its segments, the file that holds them, the frames that are sent, its heater commands, and its
+//! rest after an interruption.
 //!
 //! In: a [`SegmentStream`] from the planner. Out: bytes of a job file, frames for a board. Knows no planning, no files
 //! and no line.

@@ -1,7 +1,7 @@
 //! The motors of a machine in the header of its job.
 //!
-//! In: a matrix. Out: a text of the header, and back. Headers of machines whose motors are their joints have none, and
-//! are what they were before there were others.
+//! In: a matrix. Out: a text of the header, and back. Headers of machines whose motors are their joints have none,
+//! and equal those of older versions.
 
 use crate::job::file::JobHeader;
 use headway_firmware::configuration::motors::MotorMatrix;

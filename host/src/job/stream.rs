@@ -1,4 +1,4 @@
-//! A planned job: what `plan` makes and `drive`, `report` and the job file use.
+//! A planned job: the output of `plan`, which `drive`, `report` and the job file use.
 
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::path::spline::Spans;

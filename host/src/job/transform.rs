@@ -1,8 +1,8 @@
-//! Where the part lies on the machine: input coordinates -> machine coordinates.
+//! Position of the part on the machine: input coordinates -> machine coordinates.
 //!
 //! A translation, in mm, chosen once by [`PartTransform::choose`], kept in the job's header and
-//! applied before kinematics. Everything that the user sees is in input coordinates. Leaves out
-//! turning: the user turns the drawing.
+//! applied before kinematics. Everything that the user sees is in input coordinates. Not covered:
+//! rotation; the user rotates the drawing.
 
 use crate::geometry::polygon::Box2;
 use crate::settings::Settings;

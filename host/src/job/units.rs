@@ -1,7 +1,7 @@
 //! The units of a stream in the header of its job.
 //!
-//! In: units. Out: a text of the header, and back. Headers of streams in base units have none, and are what they were
-//! before there were others.
+//! In: units. Out: a text of the header, and back. Headers of streams in base units have none, and equal those of
+//! older versions.
 
 use crate::job::file::JobHeader;
 use headway_protocol::units::Units;

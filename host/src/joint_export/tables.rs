@@ -1,8 +1,8 @@
-//! Joints as tables: CSV with a head line, JSON with the joints' names, units and limits.
+//! Joints as tables: CSV with a header line, JSON with the joints' names, units and limits.
 //!
-//! In: the samples of [`super::samples`]. Out: text as it comes, so that a long job need not fit into memory.
-//! Columns: time, what the head does, deposited volume, then position, rate, second derivative and motor
-//! steps of each joint.
+//! In: the samples of [`super::samples`]. Out: text in pieces, so that a long job need not fit into memory.
+//! Columns: time, state of the head, deposited volume, then position, rate, second derivative and motor steps
+//! of each joint.
 
 use super::samples::{JointSample, joint_samples, names};
 use crate::job::SegmentStream;

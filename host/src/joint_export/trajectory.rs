@@ -1,10 +1,10 @@
 //! Joints as `trajectory_msgs/msg/JointTrajectory` of ROS 2, in JSON or in YAML.
 //!
 //! In: a [`JointTable`], the joints' names as the robot's description has them. Out: text with positions,
-//! velocities and accelerations in rad or m (the units of that message), `time_from_start` in whole seconds
-//! and nanoseconds. The first point is at 0, where the robot has to stand already; the last is at rest. Source: the
-//! message's definition, <https://docs.ros.org/en/jazzy/p/trajectory_msgs/msg/JointTrajectory.html>. Leaves out
-//! effort, and what is deposited: a controller of joints has no channel for it.
+//! velocities and accelerations in rad or m (the units of that message), `time_from_start` in whole seconds and
+//! nanoseconds. The first point is at time 0, and the robot has to be there already; the last is at rest. Source:
+//! the message's definition, <https://docs.ros.org/en/jazzy/p/trajectory_msgs/msg/JointTrajectory.html>. Not
+//! covered: effort, and the deposited volume, for which a joint controller has no channel.
 
 use super::samples::{JointSample, names};
 use super::tables::JointTable;

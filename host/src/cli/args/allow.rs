@@ -1,5 +1,5 @@
-//! The options of the verdict, with their help: how much of it is shown, against what, and what is taken although
-//! it is not good.
+//! The options of the verdict, with their help: how much of it is shown, what it is compared with, and which
+//! objections are allowed.
 
 use clap::{Args, ValueEnum};
 

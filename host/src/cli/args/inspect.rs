@@ -1,4 +1,4 @@
-//! Options of `inspect`.
+//! The options of `headway inspect`, with their help.
 
 use crate::cli::args::{InputArgs, LayerArgs};
 use clap::Args;

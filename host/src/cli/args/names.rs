@@ -1,4 +1,4 @@
-//! What options choose between by name.
+//! The named values of options.
 
 use clap::ValueEnum;
 

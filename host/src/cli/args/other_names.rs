@@ -1,4 +1,4 @@
-//! Options as other programs name them: never taken, answered with the name that they have here.
+//! Options as other programs name them: refused, with the name that they have here.
 
 use clap::Args;
 use clap::builder::UnknownArgumentValueParser;

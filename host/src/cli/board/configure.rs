@@ -1,7 +1,7 @@
 //! `headway board configure`: a machine file for a board that keeps settings.
 //!
-//! In: a machine file. Out: its settings on the board, checked here and there by the firmware's own code.
-//! Left out: what a board makes of them at its next start.
+//! In: a machine file. Out: its settings on the board, checked on both sides by the firmware's own code.
+//! Not covered: how a board applies them at its next start.
 
 use crate::cli::args::board::PortArgs;
 use crate::cli::board::talk::Talk;

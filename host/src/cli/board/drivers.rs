@@ -1,4 +1,4 @@
-//! What a status says of the motors' drivers.
+//! Driver figures of a status, as text.
 
 use headway_protocol::message::{DriverFlags, DriverStatus, Status};
 use serde_json::{Value, json};

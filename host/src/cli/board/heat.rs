@@ -1,4 +1,4 @@
-//! `headway board heat` and what a status says of heaters.
+//! `headway board heat`, and the heaters of a status as text.
 
 use crate::cli::error::CliError;
 use headway_protocol::message::{Control, DECIDEGREES_MAX, HEATERS_MAX, HeaterStatus, Status};

@@ -1,4 +1,4 @@
-//! What is asked of a board at rest, from mm, degrees and mm³ into the protocol's commands.
+//! Commands to a board at rest: mm, degrees and mm³ -> the protocol's commands.
 
 use crate::cli::error::CliError;
 use crate::settings::joint_names;

@@ -1,4 +1,4 @@
-//! `headway board`: questions and commands to a board, a board without hardware, replay of logs.
+//! `headway board`: queries and commands to a board, a board without hardware, replay of logs.
 
 pub(crate) mod configure;
 pub(crate) mod drivers;

@@ -1,9 +1,11 @@
-//! Who commands a board through this program, and what this program has switched on.
+//! The operator who commands a board through this program, and everything that this program has
+//! switched on.
 //!
-//! In: lines on stdin, orders of the page, signals. Out: one wish after the other, for whichever loop talks to the
-//! board at the moment: a stop is heard from the first byte to the last. What is switched on is noted here and
-//! goes off with the operator, however the command ends: by an error, a signal, a panic. Only what
-//! [`Operator::hand_over`] gives away stays on, until the board has heard nobody for its own 30 s.
+//! In: lines on stdin, commands from the page, signals. Out: one request after another, for the loop that
+//! currently talks to the board: a stop takes effect from the first byte to the last. Everything that is switched
+//! on is recorded here and switched off with the operator, however the command ends: by an error, a signal, a
+//! panic. Only what [`Operator::hand_over`] hands over stays on, until the board has heard from no host for its
+//! own 30 s.
 
 use crate::cli::args::board::PortArgs;
 use crate::cli::board::heat::{heat, heaters_json};

@@ -1,4 +1,4 @@
-//! The port of a board: how it is opened, and how long it may stay silent.
+//! Opens the port of a board, and limits how long the board may stay silent.
 
 use crate::cli::args::board::PortArgs;
 use crate::cli::error::CliError;

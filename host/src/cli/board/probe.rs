@@ -1,8 +1,9 @@
-//! `headway board probe` and `headway board mesh`: where the bed is, at a point or all over.
+//! `headway board probe` and `headway board mesh`: the height of the bed, at a point or over a
+//! grid.
 //!
-//! In: a machine file with `[probe]`, places of the bed in machine coordinates. Out: Z at which the nozzle
-//! touches it there. One joint moves at a time; every place is looked at before the first one does. The board
-//! finds the touch by itself, so that a line that is lost moves nothing into the bed.
+//! In: a machine file with `[probe]`, positions on the bed in machine coordinates. Out: Z at which the nozzle
+//! touches it there. One joint moves at a time; every position is checked before the first move. The board
+//! stops at the contact by itself, so that a lost line drives nothing into the bed.
 
 use crate::bed_mesh::{
     BedMesh, FADE_HEIGHT_MM, FADE_START_MM, LAYER_SHARE_MAX, from_toml, to_toml,

@@ -1,6 +1,6 @@
-//! `headway board simulate`: a board without hardware, and the file that stands for its flash.
+//! `headway board simulate`: a board without hardware, and the file that represents its flash.
 //!
-//! In: a machine file, or the settings that the flash keeps. Out: the firmware library on a socket.
+//! In: a machine file, or the settings stored in the flash. Out: the firmware library on a socket.
 
 use crate::cli::args::board::SimulateArgs;
 use crate::cli::board::configure::board_settings;

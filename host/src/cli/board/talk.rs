@@ -1,7 +1,8 @@
-//! A conversation with a board without a stream: commands that are taken or refused, waits for what they do.
+//! A conversation with a board without a stream: sends commands, which are accepted or refused, and waits
+//! for their effect.
 //!
-//! In: commands, an operator's wishes. Out: the board's answers, statuses, or why there are none. A stop is heard in
-//! each wait. Left out: the stream (`stream.rs`).
+//! In: commands, an operator's requests. Out: the board's answers, statuses, or why there are none. A stop takes
+//! effect in each wait. Not covered: the stream (`stream.rs`).
 
 use crate::cli::args::board::PortArgs;
 use crate::cli::board::heat::is_there;

@@ -1,4 +1,5 @@
-//! `headway board tune`: full power on and off around a temperature, until the gains are known.
+//! `headway board tune`: switches full power on and off around a temperature until the gains are
+//! known.
 
 use crate::cli::args::board::{BoardMachineArgs, PortArgs};
 use crate::cli::board::heat::{heat, heater_number};

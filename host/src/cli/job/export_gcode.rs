@@ -1,4 +1,4 @@
-//! `headway export --to gcode`: a job for another controller, and what that makes of it.
+//! `headway export --to gcode`: a job for another controller, and figures of the exported file.
 
 use crate::cli::args::export::{ArcsName, DialectName, ExportArgs, RetractionName};
 use crate::cli::error::CliError;

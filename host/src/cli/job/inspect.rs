@@ -1,4 +1,4 @@
-//! `headway inspect`: what is in a job file or an input.
+//! `headway inspect`: the contents of a job file or an input.
 
 use crate::cli::args::inspect::InspectArgs;
 use crate::cli::error::CliError;

@@ -1,4 +1,4 @@
-//! What is made of a job: simulation, report, pictures, exports, inspection. In: a planned job or a job file. Out:
+//! Commands on a job: simulation, report, pictures, exports, inspection. In: a planned job or a job file. Out:
 //! files and figures.
 
 pub(crate) mod export;

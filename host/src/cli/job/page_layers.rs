@@ -1,7 +1,7 @@
-//! Which layers the report's page shows, how they move, and what it is told of the whole job.
+//! The layers that the report's page shows, their motion, and the data of the complete job.
 //!
-//! In: a planned job, the layers that have pictures. Out: the page's plain structs, so few points and samples that
-//! the page stays below 15 MB.
+//! In: a planned job, the layers that have pictures. Out: the page's plain structs, with so few points and samples
+//! that the page stays below 15 MB.
 
 use crate::cli::job::pictures::ShownLayer;
 use crate::drive::time_by_limit::limit_at;

@@ -1,4 +1,4 @@
-//! Planner's intermediates -> the report's plain structs.
+//! The planner's intermediate results -> the report's plain structs.
 
 use crate::cli::job::page_layers;
 use crate::cli::job::page_layers::{LayerMotions, kinds_of_layers};

@@ -1,9 +1,9 @@
-//! Who may ask what of the page's server: the only access to a machine that moves.
+//! Access control of the page's server, the only access to a moving machine.
 //!
-//! In: a request's method, target, `Host` and `Origin`. Out: what it may have, or the status with which it
-//! is refused. Every path begins with a random token of 128 bits, compared in constant time; a name
-//! that only resolves to this machine (DNS rebinding) is refused by its `Host`; a page of another origin
-//! by its `Origin`. What moves the machine is POST only.
+//! In: a request's method, target, `Host` and `Origin`. Out: the permitted resource, or the status with
+//! which the request is refused. Every path begins with a random token of 128 bits, compared in constant
+//! time; a name that only resolves to this machine (DNS rebinding) is refused by its `Host`; a page of
+//! another origin by its `Origin`. Requests that move the machine are POST only.
 
 use subtle::ConstantTimeEq;
 

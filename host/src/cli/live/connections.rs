@@ -1,9 +1,9 @@
-//! The connections of the page's server: how many there are, how long each may live, which one goes when another
-//! needs its place.
+//! The connections of the page's server: their number, their lifetime, and which one is closed when another
+//! needs its slot.
 //!
-//! A client that holds a place without asking anything whole is what an attack looks like and what a browser does with
-//! connections in reserve: where all places are occupied the oldest of these is closed, after a time in which a
-//! client on this machine has long sent its request. Those that are being answered are closed by their time alone.
+//! A client that holds a slot without a complete request may be an attacker, or a browser that keeps connections in
+//! reserve: where all slots are occupied the oldest of these is closed, after a time in which any client on this
+//! machine has sent its request. Connections that are being answered are closed only when their time is over.
 
 use super::service::Service;
 use hyper::server::conn::http1;

@@ -1,4 +1,4 @@
-//! The page of a job that prints: planned job -> page, and which of its layers shows which moment.
+//! The page of a job during printing: planned job -> page, and which layer it shows at each time.
 
 use crate::cli::error::CliError;
 use crate::cli::job::pictures::{live_page, page_layers};

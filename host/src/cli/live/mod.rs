@@ -1,13 +1,13 @@
-//! A print watched and ordered about from a page on this machine.
+//! Watches and controls a print from a page on this machine.
 //!
 //! ```text
 //! stream's loop --Snapshot (try_lock)--> Board of the page --GET status--> page
 //! stream's loop <--Control (8 at most)-- orders            <--POST order-- page
 //! ```
-//! Why here: only `cli` does IO. The loop that streams never waits for a page: a snapshot that cannot be
-//! put down at once is left out (the next one comes in 0.1 s), and orders wait in a channel with 8 places;
-//! when it is full the page is told so. A stop does not queue. A server that ends, by whatever fault, ends alone: the
-//! loop goes on and reports it once. Leaves out: a page on another machine.
+//! Why here: only `cli` does IO. The streaming loop never waits for a page: a snapshot that cannot be stored at once
+//! is dropped (the next one comes in 0.1 s), and commands wait in a queue with 8 places; when it is full the page
+//! gets an error. A stop does not queue. A server that ends with any fault does not affect the stream: the loop
+//! continues and reports it once. Not covered: a page on another machine.
 
 // Without the feature nothing makes a [`LivePrint`]; the loop that would use it is the same.
 #![cfg_attr(not(feature = "page"), allow(dead_code))]

@@ -1,4 +1,4 @@
-//! What a page may order of a running print: nothing that heats.
+//! The commands that a page may give to a running print: none that heat.
 
 use headway_protocol::message::Control;
 use std::ops::RangeInclusive;

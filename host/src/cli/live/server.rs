@@ -1,9 +1,9 @@
-//! The page's server: 127.0.0.1 only, in a thread of its own whose end the stream survives.
+//! The page's server: 127.0.0.1 only, in a thread of its own; the stream survives its end.
 //!
-//! In: the page as text, connections. Out: answers ([`Service`]), orders for the stream's loop. One thread serves all
-//! connections by turns (hyper on tokio), so that none waits behind another: a client that sends or reads slowly
-//! holds one of [`CONNECTIONS_MAX`] places and nothing else. Each step of a request has a limit in bytes and in time.
-//! Leaves out: encryption (the bytes do not leave the machine), files, a second request on a connection.
+//! In: the page as text, connections. Out: answers ([`Service`]), commands for the stream's loop. One thread serves
+//! all connections in turn (hyper on tokio), so that none waits for another: a client that sends or reads slowly
+//! occupies one of [`CONNECTIONS_MAX`] slots and nothing else. Each step of a request has a limit in bytes and in
+//! time. Not covered: encryption (the bytes do not leave the machine), files, a second request on a connection.
 
 use super::access::Access;
 use super::connections::{CONNECTIONS_MAX, Connections};

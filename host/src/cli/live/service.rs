@@ -1,4 +1,4 @@
-//! What the page's server answers: request -> page, status as JSON, an order handed to the stream's loop.
+//! The answers of the page's server: request -> page, status as JSON, a command for the stream's loop.
 
 use super::access::{Access, Asked};
 use super::orders::order;

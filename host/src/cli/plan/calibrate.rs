@@ -1,7 +1,8 @@
-//! `headway calibrate`: a machine file -> jobs that lay a pattern, and how it is read.
+//! `headway calibrate`: a machine file -> jobs that print a pattern, and instructions for reading
+//! it.
 //!
 //! In: the pattern's name, options, settings. Out: a job file as `plan` writes it, or one for each value with
-//! its machine file, and a table of lines with the values they stand for, in pattern coordinates.
+//! its machine file, and a table of lines with their values, in pattern coordinates.
 
 use crate::calibration::{
     Asked, CalibrationError, Line, Pattern, PatternJob, RISE_HZ_S, Sweep, pattern, resonance,

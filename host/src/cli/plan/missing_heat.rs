@@ -1,9 +1,9 @@
-//! Heat that a job lacks: melt pushed through a cold hot end.
+//! Missing heat in a job: extrusion through a cold hot end.
 //!
-//! In: a job with the machine it was planned for, its orders of heaters. Out: why it is not sent, where its machine has a
-//! hot end and nothing heats one before the first bead; why it is not written as G-code, where nothing does and the
-//! machine file names no material that is printed cold: another controller's machine may have a hot end. Planning
-//! leaves it alone.
+//! In: a job, the machine that it was planned for, its heater commands. Out: a reason not to send it, if the machine
+//! has a hot end and nothing heats one before the first bead; a reason not to write it as G-code, if nothing heats
+//! and the machine file names no material that is printed cold (another controller's machine may have a hot end).
+//! Planning does not check this.
 
 use crate::cli::reading::job::Job;
 use crate::job::MotionState;

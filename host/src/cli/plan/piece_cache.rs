@@ -1,8 +1,8 @@
-//! Planned pieces of parts in a folder (`--cache`): planning that was stopped goes on where it was.
+//! Planned blocks of layers in a folder (`--cache`): stopped planning continues where it was.
 //!
-//! A file for each piece, named by its key, written whole or not at all. One that was damaged is told,
-//! planned again and replaced. Input: keys and pieces. Output: files and notes. Leaves out which
-//! pieces are no longer wanted: the folder is the user's to empty.
+//! One file for each block, named by its key, written completely or not at all. A damaged one is
+//! reported, planned again and replaced. Input: keys and blocks. Output: files and notes. Not covered:
+//! removal of blocks that are no longer needed; the user empties the folder.
 
 use crate::cli::error::CliError;
 use crate::cli::terminal::output_file::{check_folder, write_file};

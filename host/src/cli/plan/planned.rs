@@ -1,4 +1,4 @@
-//! A job, whether planned just now or read from a file: what `plan` and `simulate` work on.
+//! A job, newly planned or read from a file: the common input of `plan` and `simulate`.
 
 use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
 use crate::cli::error::CliError;

@@ -1,4 +1,4 @@
-//! A slicer's G-code -> its job, and what the user should know of it.
+//! A slicer's G-code -> its job, and notes for the user.
 
 use crate::cli::error::CliError;
 use crate::cli::plan::planned::plan_error;

@@ -1,4 +1,4 @@
-//! A mesh -> its job: layers cut, planned piece by piece, what each piece showed put together.
+//! A mesh -> its job: cuts layers, plans them block by block, and combines the blocks' figures.
 
 use crate::cli::args::PlaceArgs;
 use crate::cli::error::CliError;

@@ -1,4 +1,4 @@
-//! A patch of a mesh, by itself or with an outline drawn on it, planned.
+//! Plans a patch of a mesh, by itself or with an outline drawn on it.
 
 use crate::cli::args::{InputArgs, NO_INPUT, PlaceArgs, UnitName};
 use crate::cli::error::CliError;

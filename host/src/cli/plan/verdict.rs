@@ -1,7 +1,7 @@
-//! The verdict on a job: what keeps it from being good is said first, and refuses it unless the user allows it.
+//! The verdict on a job: objections come first, and refuse the job unless the user allows them.
 //!
-//! In: a planned job with its objections, `--allow`. Out: what is said of it, exit status 1 where an
-//! objection stands. Leaves out how objections are found.
+//! In: a planned job with its objections, `--allow`. Out: the printed verdict, exit status 1 if an
+//! objection remains. Not covered: how objections are found.
 
 use crate::cli::args::SettingsArgs;
 use crate::cli::args::allow::{AllowArgs, AllowName, RefuseName, VerdictArgs};

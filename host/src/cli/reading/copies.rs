@@ -1,7 +1,7 @@
 //! `--copies` and several `--at`: the same part several times on the bed.
 //!
-//! In: the options, the part's outlines (input coordinates, mm). Out: where each copy lies against the first one, or
-//! why it cannot. Leaves out parts of different files.
+//! In: the options, the part's outlines (input coordinates, mm). Out: the offset of each copy from the first one, or
+//! why it cannot be placed. Not covered: parts of different files.
 
 use crate::cli::args::PlaceArgs;
 use crate::cli::error::CliError;

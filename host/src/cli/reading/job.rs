@@ -1,4 +1,4 @@
-//! Job files on disk: reading, and what can be told of them without planning again.
+//! Job files on disk: reading them, and the figures that need no new planning.
 
 use crate::bed_mesh::{BedMesh, over_bed};
 use crate::cli::error::CliError;

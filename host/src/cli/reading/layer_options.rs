@@ -1,4 +1,4 @@
-//! Options of how a mesh is divided -> heights of its layers, checked.
+//! Options for slicing a mesh -> heights of its layers, checked.
 
 use crate::cli::args::LayerArgs;
 use crate::cli::error::CliError;

@@ -1,4 +1,4 @@
-//! Options and files of paths in space -> runs, surfaces, places.
+//! Options and files of paths in space -> runs of waypoints, surfaces, placements.
 
 use crate::cli::args::{InputArgs, PlaceArgs};
 use crate::cli::error::CliError;

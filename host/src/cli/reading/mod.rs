@@ -1,4 +1,4 @@
-//! What the command reads: machine files and options to settings, inputs, keep-outs, job files. In: arguments and
+//! The command's readers: machine files and options to settings, inputs, keep-outs, job files. In: arguments and
 //! paths. Out: checked settings and inputs; problems name file and option.
 
 pub(crate) mod copies;

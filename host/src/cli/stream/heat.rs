@@ -1,8 +1,8 @@
-//! The orders of heaters and fans that `stream` gives: before the job and on its path.
+//! The heater and fan commands that `stream` sends: before the job and along its path.
 //!
-//! In: a job's orders by servo tick, options over them. Out: commands for the board, each due once the spans up
-//! to its tick are done. Leaves out that all of it goes off (`operator.rs`), how a board holds a temperature, and
-//! that it rests until it is there.
+//! In: a job's commands by servo tick, options that override them. Out: commands for the board, each due once the
+//! spans up to its tick are done. Not covered: switching everything off (`operator.rs`), how a board holds a
+//! temperature, and its rest until the temperature is reached.
 
 use crate::cli::args::board::StreamArgs;
 use crate::cli::board::heat::heat;

@@ -1,6 +1,7 @@
-//! What fails beside a print that goes on: the page's server, the log.
+//! Failures that do not stop a print: the page's server, the log.
 //!
-//! In: both, in each turn of the stream's loop. Out: texts for terminal and page, each once.
+//! In: the state of both, in each iteration of the stream's loop. Out: messages for terminal and
+//! page, each once.
 
 use crate::cli::live::LivePrint;
 use crate::drive::pump::Pump;

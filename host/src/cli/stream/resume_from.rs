@@ -1,7 +1,7 @@
-//! `headway stream --resume-from`: what is left of a job after a power cut, and the way back to it.
+//! `headway stream --resume-from`: the rest of a job after a power failure, and the approach to it.
 //!
-//! In: the job, a log of its stream or a pass or layer by hand. Out: the job cut at the start of a pass, what that
-//! prints again and leaves out, and the moves above the print to where it begins. Leaves out the stream itself.
+//! In: the job, a log of its stream or a pass or layer given by hand. Out: the job from the start of a pass on,
+//! what it prints again and omits, and the moves above the print to its start. Not covered: the stream itself.
 
 use crate::cli::args::board::{Place, PortArgs, StreamArgs};
 use crate::cli::board::operator::Operator;

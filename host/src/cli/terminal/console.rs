@@ -1,5 +1,5 @@
-//! What the command says: results to stdout, everything else to stderr, bars on a terminal only and
-//! never with `--quiet`.
+//! The command's output: results to stdout, everything else to stderr, progress bars on a terminal
+//! only and never with `--quiet`.
 
 use crate::cli::error::CliError;
 use crate::cli::terminal::output_file::{write_file, write_file_with};

@@ -1,5 +1,5 @@
-//! What the command says and writes: the terminal with its bar, texts that can be printed, files that appear whole,
-//! signals that end it.
+//! Output of the command: the terminal with its progress bar, printable texts, files that appear complete, signals
+//! that end it.
 
 pub(crate) mod console;
 pub(crate) mod output_file;

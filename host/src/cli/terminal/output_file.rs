@@ -1,14 +1,15 @@
 //! Results to files: complete or not at all.
 //!
-//! What is written goes to a file beside its place (`.NAME.xxxxxx.part`), to the disk, and only then
-//! to its name, so that a full disk or the end of the program in mid-write costs no file that was
-//! there. A report's folder takes its place the same way; where a report is already, its files replace
-//! those of the same names, `index.html` last, so that a report with that page is whole. Files of those
-//! names that no report wrote are refused, not replaced: a page says who wrote it.
+//! Output is written to a file in the same folder (`.NAME.xxxxxx.part`), synced to disk, and only then
+//! renamed, so that a full disk or the end of the program in mid-write destroys no existing file. A
+//! report's folder is written the same way; in an existing report, files replace those of the same
+//! names, `index.html` last, so that a report with that page is complete. Files of those names that
+//! are not from a report are not replaced, and the report is refused: a page contains its generator's
+//! name.
 //!
-//! Input: a path and bytes, or what writes them. Pipes, devices and sockets are written as they come.
-//! Leaves out the journal of a line (`--log`): what was on the line before a crash is what it is for.
-//! A program that is killed leaves its `.part` behind.
+//! Input: a path and bytes, or a function that writes them. Pipes, devices and sockets are written
+//! directly. Not covered: the log of a line (`--log`), which has to contain everything up to a crash.
+//! A program that is killed leaves its `.part` file.
 
 use crate::cli::error::CliError;
 use crate::report::page::PAGE_GENERATOR;

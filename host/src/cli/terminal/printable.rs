@@ -1,4 +1,4 @@
-//! Texts of files on the terminal: what they say, never what they would have it do.
+//! Texts from files on the terminal: printed without control sequences.
 
 use crate::input::names::is_command;
 use std::borrow::Cow;

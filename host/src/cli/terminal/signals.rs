@@ -1,8 +1,8 @@
-//! Signals that end a command or speak to it: Ctrl-C is counted, SIGTERM and SIGHUP end it.
+//! Signals to a command: Ctrl-C is counted, SIGTERM and SIGHUP end it.
 //!
-//! Caught only by commands that have something to put in order before they end, from the moment at which they have.
-//! A console that closes sends SIGHUP; a command that was started to outlive it (`nohup`) keeps ignoring that. Left
-//! out: a console that closes on Windows, where the process has ended before anything could be done.
+//! Only commands that have to clean up before they end catch them, and only while that is so. A console that closes
+//! sends SIGHUP; a command that was started to outlive it (`nohup`) keeps ignoring that. Not covered: a console
+//! that closes on Windows, where the process ends before anything can be done.
 
 use std::sync::Once;
 use std::sync::atomic::{AtomicUsize, Ordering};

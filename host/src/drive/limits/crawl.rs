@@ -1,8 +1,9 @@
-//! Spans that crawl or stand: looked at in a few places, so that the work goes with the spans and not with the time.
+//! Spans that are very slow or at rest: sampled at a few points, so that the work grows with the number of spans and
+//! not with their time.
 //!
 //! In: a [`Span`] (servo ticks) and the events that run in it. Out: the sampler's figures, as if every tick of it
-//! had been looked at: a span is one cubic, whose extremes the sampler looks at besides. Around its ends, where
-//! the pressure advance still sees what was before, the sampler looks at every tick.
+//! had been sampled: a span is one cubic, whose extremes are sampled in addition. Around its ends, where the
+//! pressure advance still depends on the previous span, every tick is sampled.
 
 use super::{LOOKS_PER_TICK, Limit, Moment, Sampler, note};
 use headway_firmware::path::spline::Span;

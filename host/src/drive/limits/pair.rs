@@ -1,4 +1,4 @@
-//! The two motors of a pair against limits of their own.
+//! Checks the two motors of a pair against their own limits.
 //!
 //! In: the joints' first to third derivatives, mm and s. Out: the sampler's figures. Motors are sum and difference of
 //! two joints.

@@ -1,9 +1,9 @@
 //! Entities of the `dxf` crate -> chords in mm.
 //!
-//! Lines, circles, arcs, polylines with bulges, ellipses and splines; no chord is further from its
-//! curve than the tolerance. In: the file's unit, degrees for arcs, radians for ellipses. Out: mm before
+//! Lines, circles, arcs, polylines with bulges, ellipses and splines; no chord is further from its curve
+//! than the tolerance. In: the file's unit, degrees for arcs, radians for ellipses. Out: mm before
 //! `--scale`. Sources: AutoCAD DXF reference (bulge = tangent of a quarter of the arc's angle; extrusion
-//! direction); de Boor's triangle for splines. Leaves out what does not lie in the drawing's plane.
+//! direction); de Boor's triangle for splines. Not covered: entities outside the drawing's plane.
 
 use super::syntax;
 use crate::geometry::{Point2, Vector2};

@@ -1,8 +1,8 @@
-//! Curves as chords -> contours: ends that meet are one point.
+//! Curves as chords -> contours: ends that meet become one point.
 //!
-//! In two rounds, ends at the same place and then such within [`JOIN_MM`], each end with the nearest that
-//! it is the nearest of. In and out: mm before `--scale`. Leaves out judging the contours: what stays
-//! open is refused, or mended, at the end that all formats have.
+//! Ends are joined in two rounds, those at the same point and then those within [`JOIN_MM`], each with
+//! its mutual nearest neighbour. In and out: mm before `--scale`. Not covered: checking the contours:
+//! open ones are refused, or repaired, in the stage that all formats share.
 
 use super::curves::Piece;
 use crate::geometry::Point2;

@@ -4,9 +4,9 @@
 //! bytes --records--> whole records of chosen layers --dxf crate--> entities
 //!       --curves--> chords (mm) --join--> contours --outline--> regions
 //! ```
-//! What a contour lies in is decided by the even-odd rule: a contour in another one is a hole, one in a
-//! hole an island. In: ASCII DXF, unit by `$INSUNITS` (mm where it says none) or `--units`. Out: contours,
-//! mm before `--scale`, and notes. Leaves out blocks, hatches, texts, dimensions, solids, and binary DXF.
+//! Nesting follows the even-odd rule: a contour in another one is a hole, one in a hole an island. In:
+//! ASCII DXF, unit by `$INSUNITS` (mm where it gives none) or `--units`. Out: contours, mm before
+//! `--scale`, and notes. Leaves out blocks, hatches, texts, dimensions, solids, and binary DXF.
 
 mod curves;
 mod join;

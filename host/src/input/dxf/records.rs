@@ -1,9 +1,10 @@
-//! The text of a DXF file -> the records that are read, units, what is left out.
+//! The text of a DXF file -> the records that are read, units, a list of what is ignored.
 //!
-//! A DXF file is pairs of lines, a group code and its value. They are looked through here before
-//! the `dxf` crate makes entities of them: it stops at what it cannot read without a word, and keeps
-//! neither places nor what a layer hides. Only whole records with finite numbers go on, each with the
-//! line that it begins at. In: bytes, chosen layers. Out: pairs as text, in the file's unit.
+//! A DXF file is pairs of lines, a group code and its value. They are checked here before the `dxf`
+//! crate makes entities of them: that crate stops silently at anything that it cannot read, and keeps
+//! neither line numbers nor hidden layers. Only complete records with finite numbers are handed on,
+//! each with its first line's number. In: bytes, chosen layers. Out: pairs as text, in the file's
+//! unit.
 //! Source: AutoCAD DXF reference, "Group code value types". Leaves out blocks, objects and tables other
 //! than that of the layers.
 

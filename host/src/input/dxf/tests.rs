@@ -1,6 +1,6 @@
-//! Goal: contours of DXF drawings come out with the areas that they are drawn with, and what is no
-//! outline is refused with what and where. Method: drawings written here pair by pair; areas from
-//! formulas; bounds from the flattening's tolerance, 1 µm along the perimeter.
+//! Goal: contours of DXF drawings are read with the areas that they are drawn with, and anything
+//! that is not an outline is refused with reason and place. Method: drawings written here pair by
+//! pair; areas from formulas; bounds from the flattening's tolerance, 1 µm along the perimeter.
 
 use crate::geometry::polygon::Region;
 use crate::input::{Format, InputError, Loaded, ReadOptions, Units, read};

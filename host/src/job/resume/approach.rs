@@ -1,10 +1,9 @@
-//! The way to a place of a job that is printed in part: up, across above the print, down.
+//! The approach to a point of a partly printed job: up, across above the print, down.
 //!
-//! In: the pose where a stream begins, the height of what is printed (mm, machine coordinates), the machine. Out:
-//! two poses that a board is sent to one after the other (`GoTo` moves joint by joint, Z first where it goes up
-//! and last where it goes down). Nothing of the tip is below the first pose while it crosses. Leaves out what else
-//! stands on the machine, and machines whose table tilts or whose joints are an arm's: there is no joint that
-//! lifts straight up.
+//! In: the pose where a stream begins, the height of the print (mm, machine coordinates), the machine. Out: two
+//! poses to which a board is sent in turn (`GoTo` moves joint by joint, Z first when it rises and last when it
+//! lowers). The tip is never below the first pose while it crosses. Not covered: obstacles on the machine, and
+//! machines with a tilting table or an arm's joints: they have no joint that lifts straight up.
 
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_protocol::units::{CHANNEL_Z, CHANNELS, ChannelPoint, UNITS_PER_NATURAL};

@@ -1,4 +1,4 @@
-//! A job that a power cut broke off, from the start of the pass that was being printed.
+//! Resumes a job after a power failure, from the start of the pass that was being printed.
 //!
 //! ```text
 //! log --last_stream--> LoggedStream --Reached::of--> ticks of the job that are done, and sent
@@ -7,8 +7,9 @@
 //!                              '--approach--> up, across above what is printed, down to its start
 //!                              '--Parts--> what is left out, printed again, to come (mm, s)
 //! ```
-//! The whole pass is printed again: within one the head would have to gather speed on a curve that was planned
-//! without, and what the last moments before the cut really laid is not known. Leaves out boards and files.
+//! The complete pass is printed again: within a pass the head would have to accelerate on a curve that was
+//! planned at speed, and how much was deposited just before the failure is unknown. Not covered: boards and
+//! files.
 
 pub mod approach;
 mod reached;

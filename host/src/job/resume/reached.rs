@@ -1,7 +1,7 @@
-//! How far a job had come by the log of its stream.
+//! The progress of a job according to the log of its stream.
 //!
-//! In: what a log says (`drive::log_place`), the job. Out: servo ticks of the job. A log of what was left of a job
-//! counts from where that began. Leaves out reading the log.
+//! In: the contents of a log (`drive::log_place`), the job. Out: servo ticks of the job. The log of a resumed job
+//! counts from the point where it was resumed. Not covered: reading the log.
 
 use super::rest::{RestError, pass_at, rest_of};
 use crate::job::SegmentStream;

@@ -1,13 +1,13 @@
-//! What of a job is left behind a place: its stream from the start of a pass on.
+//! The rest of a job after a given point: its stream from the start of a pass on.
 //!
 //! ```text
 //! SegmentStream, HeatEvents, pass --rest_of--> Rest: stream from that pass's prime on, its own time base
 //!                        place --pass_at--> the pass that was not whole there
 //! ```
-//! A pass begins at rest, so that nothing is computed anew: control points and durations are the job's. What
-//! belongs to the place comes before: two short rests (the wire fixes their durations), a prime where the pass
-//! has none of its own, the heaters' latest targets. A place within a pass is no start: the head would have to
-//! gather speed on a curve that was planned without. Leaves out: the way there (`approach`).
+//! A pass begins at rest, so that nothing is recomputed: control points and durations are the job's. Added
+//! before it are two short rests (the wire format fixes their durations), a prime where the pass has none of
+//! its own, and the heaters' latest targets. A point within a pass cannot be a start: the head would have to
+//! accelerate on a curve that was planned at speed. Not covered: the moves to the start (`approach`).
 
 use crate::job::heat::{HeatEvent, HeatOrder};
 use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream, dwell_spans};

@@ -1,4 +1,5 @@
-//! Goal: the parts of a job from a pass on are the job's own. Method: two spirals one above the other, cut by hand.
+//! Goal: a job resumed from a pass equals that part of the original. Method: two spirals, one above the other, cut
+//! by hand.
 
 use super::rest::{check_flat, pass_at, pass_of_layer, printed_between, rest_of};
 use super::*;
