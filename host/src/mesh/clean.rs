@@ -1,9 +1,9 @@
 //! Raw triangles -> shared vertices, each triangle once.
 //!
-//! Corners at the same place (bit for bit) become one vertex. A triangle of two equal corners covers
-//! nothing and goes. Of triangles with the same three corners one stays; where they look both ways
-//! (a sheet without thickness) none does, unless the surface needs one to be closed: that is found
-//! by peeling such sheets from their borders.
+//! Corners at the same position (bit for bit) become one vertex. A triangle with two equal corners
+//! has no area and is removed. Of triangles with the same three corners one is kept; if they have
+//! opposite orientations (a sheet without thickness) none is, unless the surface needs one to be
+//! closed: that is found by peeling such sheets from their borders.
 
 use super::half_edges::Edges;
 use super::{Mesh, Point3};

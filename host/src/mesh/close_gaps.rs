@@ -1,12 +1,12 @@
-//! Closes gaps that rounding left between triangles that should meet.
+//! Closes gaps that rounding has left between triangles that should meet.
 //!
-//! Each step looks at what is still open (edges with an odd number of triangles). In rounds from a
-//! small part of [`GAP_MAX_MM`] up to all of it, corners that near to each other become one, and an edge
-//! is divided where a corner of the other side lies that near to it (a T-junction). Edges too short for that are
-//! closed with flat triangles once the corners at their ends are one: before the gap of a later round takes
-//! in the neighbours. What holes remain are zipped up, the shortest way across first, with triangles no
-//! higher than the gap. Nothing moves by more than the gap. A hole that needs a higher triangle is refused:
-//! what belongs there is not ours to guess.
+//! Each step examines the edges that are still open (with an odd number of triangles). In rounds with a gap from
+//! a small part of [`GAP_MAX_MM`] up to all of it, corners within the gap of each other are merged, and an edge
+//! is divided where a corner of the other side is within the gap (a T-junction). Edges too short for that are
+//! closed with flat triangles once the corners at their ends are merged, before the gap of a later round reaches
+//! the neighbours. Remaining holes are zipped up, the shortest connection across first, with triangles no higher
+//! than the gap. Nothing moves by more than the gap. A hole that needs a higher triangle is refused, because its
+//! surface would be a guess.
 
 use super::clean::{clean, odd_edges};
 use super::error::At3;

@@ -1,4 +1,4 @@
-//! Why a mesh cannot be sliced: what, where (mm, in the file's coordinates), what to do.
+//! Why a mesh cannot be sliced: reason, place (mm, in the file's coordinates), remedy.
 
 use super::Point3;
 use super::close_gaps::GAP_MAX_MM;

@@ -1,10 +1,10 @@
-//! Which triangle lies across which edge.
+//! Which triangles share which edge.
 //!
-//! Half-edge 3 t + i runs from corner i of triangle t to the next one. In a closed surface whose
-//! triangles agree on what is outside, every edge is run as often one way as the other; half-edges
-//! of opposite ways are twins. Where more than two triangles share an edge (two cubes that touch),
-//! they pair up in the order of their numbers: a section's loops differ by that, what they wind around
-//! does not.
+//! Half-edge 3 t + i runs from corner i of triangle t to the next one. In a closed, consistently
+//! oriented surface, every edge has as many half-edges in one direction as in the other; half-edges of
+//! opposite directions are twins. Where more than two triangles share an edge (two cubes that touch),
+//! they pair up in the order of their numbers: this affects a section's loops, but not the winding
+//! numbers.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! A mesh seen from above: the height of its topmost triangle at a place.
+//! A mesh seen from above: the height of its topmost triangle at a point.
 //!
 //! In: a [`Mesh`], closed or not. Out: heights, mm, and even samples of them. Triangles are found through
 //! square buckets in x and y.

@@ -1,10 +1,10 @@
 //! Closed mesh and layer heights -> the regions of every layer.
 //!
 //! Layers are counted up from the mesh's lowest point; the first may have a height of its own, and so may
-//! ranges of z. Each is the section at half its height, so that what a slope gains on one half it loses
-//! on the other. A range begins and ends with a layer: its layers are lowered until a whole number of
-//! them fits, and so are those between ranges. The last layer is the last one whose middle lies in the
-//! part: up to half a layer is lost or gained at the top.
+//! ranges of z. Each is the section at half its height, so that the errors of a slope on both halves
+//! cancel. A range begins and ends with a layer: its layers are made thinner until a whole number of them
+//! fits, and so are those between ranges. The last layer is the last one whose middle is in the part: up
+//! to half a layer is lost or gained at the top.
 
 use super::read::bounds_mm;
 use super::slice::{Section, Slicer};

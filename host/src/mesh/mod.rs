@@ -5,13 +5,13 @@
 //!         (file's unit)    (mm, closed, counter-clockwise outside)    (mm, input coordinates)
 //!    --layers--> SlicedPart (regions and heights, mm)
 //! ```
-//! What a project cuts away from an object is a mesh of its own beside it ([`Carved`]), and goes from the
+//! Volumes that a project subtracts from an object are separate meshes ([`Carved`]), subtracted from the
 //! object's sections.
 //!
-//! Input: the file's bytes, its [`MeshFormat`] and [`MeshOptions`]. Output: a closed [`Mesh`] in mm
-//! that stands upright, and one note for each thing that was mended. What is not closed within
-//! [`close_gaps::GAP_MAX_MM`] is refused with its place. Leaves out colours, materials and textures:
-//! they change nothing of the shape.
+//! Input: the file's bytes, its [`MeshFormat`] and [`MeshOptions`]. Output: a closed, upright
+//! [`Mesh`] in mm, and one note for each repair. A mesh with gaps above [`close_gaps::GAP_MAX_MM`]
+//! is refused with the place. Not covered: colours, materials and textures, which do not affect the
+//! shape.
 
 mod clean;
 pub mod close_gaps;

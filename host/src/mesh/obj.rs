@@ -1,4 +1,4 @@
-//! Wavefront OBJ: all faces of all objects as one mesh, polygons as fans, without units.
+//! Wavefront OBJ: all faces of all objects as one mesh, polygons as triangle fans, without units.
 
 use super::read::{RawMesh, syntax};
 use super::{Mesh, MeshError, Point3};

@@ -1,8 +1,9 @@
-//! Makes the triangles of a surface agree on what is outside.
+//! Orients the triangles of a surface consistently.
 //!
-//! Neighbours across an edge of two triangles must run it in opposite ways. Within a shell (what
-//! hangs together by such edges) the way of the larger area holds. A shell that encloses a negative
-//! volume is a cavity where an odd number of other shells contains it, and else inside out.
+//! The two triangles of an edge must traverse it in opposite directions. Within a shell (triangles
+//! connected by such edges) the orientation of the larger area is used. A shell that encloses a
+//! negative volume is a cavity if an odd number of other shells contains it, and inside out
+//! otherwise.
 
 use super::half_edges::{Edges, ends};
 use super::{Mesh, Point3, volume_mm3};

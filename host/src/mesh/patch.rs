@@ -1,9 +1,9 @@
 //! Patches of a mesh: their rims, parts of them, and rings cut open.
 //!
-//! In: a [`Mesh`] with shared vertices, not closed. Out: its rims as runs of vertices (the patch to their left), the triangles
-//! of one side of a line on it, or the patch cut along the shortest way between two rims, so that ground that closes
-//! around something can be unrolled. Refused with the place: edges of more than two triangles, or of two that look to different
-//! sides.
+//! In: a [`Mesh`] with shared vertices, not closed. Out: its rims as sequences of vertices (the patch to their left),
+//! the triangles on one side of a line on it, or the patch cut along the shortest path between two rims, so that a
+//! surface that closes around an axis can be unrolled. Refused with the place: edges of more than two triangles, or
+//! of two with inconsistent orientation.
 
 use super::half_edges::ends;
 use super::{Mesh, Point3};

@@ -1,4 +1,4 @@
-//! A mesh file -> a closed mesh in mm, upright, with notes of what was mended.
+//! A mesh file -> a closed, upright mesh in mm, with notes on repairs.
 
 use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};

@@ -1,16 +1,16 @@
-//! Closed mesh and planes -> regions: what the surface winds around at each height.
+//! Closed mesh and planes -> regions: the interior of the surface at each height.
 //!
-//! The rule: a vertex whose z is not above a plane lies below it. So every triangle is either on one
-//! side or crosses the plane with exactly one edge going down and one going up, whatever
-//! vertices, edges or flat faces lie in the plane: a section is that of the plane moved up by less
-//! than any number. A face that lies in a plane bounds what is above it, not what is below.
+//! The rule: a vertex whose z is not above a plane is below it. So every triangle is either on one
+//! side or crosses the plane with exactly one edge going down and one going up, whatever vertices,
+//! edges or flat faces are in the plane: a section is that of the plane moved up by an infinitesimal
+//! amount. A face in a plane bounds the solid above it, not the one below.
 //!
 //! The point on an edge is computed once from its lower end, so that both triangles have the same
-//! bits; sections are chained over the edge's two triangles, never by coordinates. Loops run with
-//! the solid on their left, and what they wind around more often to the left than to the right is
-//! inside (shells that overlap are united; a tolerance plays no part).
+//! bits; sections are connected through the edge's two triangles, never by coordinates. Loops have
+//! the solid on their left, and points with a positive winding number are inside (overlapping
+//! shells are united; no tolerance is involved).
 //!
-//! Cost: triangles x planes that each crosses. Planes are cut side by side, results in their order.
+//! Cost: triangles x planes that each crosses. Planes are cut in parallel, with results in order.
 
 use super::half_edges::{Edges, NO_TWIN, ends};
 use super::{Mesh, Point3};

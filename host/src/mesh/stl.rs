@@ -1,10 +1,10 @@
 //! STL, binary or ASCII: triangles without units, by convention in mm.
 //!
-//! The stored normals are passed over: the order of the corners says what is outside, and files
-//! whose normals say otherwise are wrong in the normals.
+//! The stored normals are ignored: the order of the corners gives the orientation, and in files
+//! that contradict it the normals are wrong.
 //!
-//! ASCII files are read here and not by `stl_io`: they come in capitals, with normals that are no numbers and with
-//! several solids, of which that crate takes the first; and a message has its line.
+//! ASCII files are read here and not by `stl_io`: some are in capitals, have normals that are not numbers, or
+//! several solids, of which that crate reads the first; and messages give the line.
 
 use super::read::{RawMesh, syntax};
 use super::{Mesh, MeshError, Point3};

@@ -1,4 +1,4 @@
-//! Meshes for tests, by formula.
+//! Meshes for tests, made by formula.
 
 use super::{Mesh, Point3};
 use std::f64::consts::TAU;

@@ -1,4 +1,4 @@
-//! Meshes against formulas, hard cases against what they came from, broken ones against their
+//! Meshes are compared with formulas, hard cases with their original, broken ones with their error
 //! message.
 
 use super::clean::with_shared_vertices;

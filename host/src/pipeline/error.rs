@@ -1,4 +1,4 @@
-//! Why a target cannot be planned, whatever it was read from.
+//! Why a target cannot be planned, for every kind of input.
 
 use super::surface::SurfaceError;
 use super::surface::curved_layers::CurvedLayersError;

@@ -1,8 +1,8 @@
-//! Layers that are over too soon are printed slower, so that each has its time to cool.
+//! Prints short layers slower, so that each has time to cool.
 //!
-//! In: a route, laid at full speed; the least time of a layer (s) and the least speed (mm/s). Out: the
-//! stream with the passes of short layers slowed, and how many layers that were. Speed alone gives:
-//! nothing waits, since a nozzle that waits oozes. Left out: fans.
+//! In: a route at full speed; the minimum time of a layer (s) and the minimum speed (mm/s). Out: the
+//! stream with the passes of short layers slowed, and the number of these layers. Only the speed is
+//! reduced: there are no waits, since a waiting nozzle oozes. Not covered: fans.
 
 use crate::job::{MotionState, SegmentStream};
 use crate::plan::motion::motion_error::MotionError;

@@ -1,7 +1,7 @@
-//! Time, volume and way of a plan by layer and kind of bead.
+//! Time, volume and path length of a plan by layer and kind of bead.
 //!
-//! In: a plan (its marks, curves and route). Out: a row for each layer and kind: s, mm³, mm. Left out:
-//! primes and retracts, whose volume comes back.
+//! In: a plan (its marks, curves and route). Out: a row for each layer and kind: s, mm³, mm. Not
+//! covered: primes and retracts, whose volumes cancel.
 
 use super::Plan;
 use crate::job::MotionState;

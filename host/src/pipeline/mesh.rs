@@ -1,12 +1,12 @@
 //! A part with changing layers -> one job, planned a few layers at a time.
 //!
-//! What planning makes of a few layers (walls, passes, curves, rasters) comes down to a [`Piece`] and is
-//! dropped before the next ones; the streams of the pieces, each from rest to rest, are handed on as they
-//! come. Layers of a piece are planned side by side; a piece is the same whatever the number of threads,
-//! and may come from whoever keeps pieces.
+//! The planning data of a few layers (walls, passes, curves, rasters) are reduced to a [`Piece`] (a block
+//! of layers) and dropped before the next ones; the blocks' streams, each from rest to rest, are handed
+//! on as they come. Layers of a block are planned in parallel; a block does not depend on the number of
+//! threads, and may come from a cache.
 //!
-//! In: sliced layers (mm), settings, a cache. Out: streams in order, and what the figures need. Leaves
-//! out: files, and the clock.
+//! In: sliced layers (mm), settings, a cache. Out: streams in order, and the data for the figures. Not
+//! covered: files, and the clock.
 
 use super::PlanError;
 use crate::geometry::Point2;

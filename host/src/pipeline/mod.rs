@@ -1,4 +1,4 @@
-//! Input -> plan -> what it came to -> bytes of a job: the pipeline of each kind of input, and what all share.
+//! Input -> plan -> findings -> bytes of a job: the pipeline of each kind of input, and their common parts.
 //!
 //! ```text
 //! outline ---+
@@ -8,8 +8,8 @@
 //! gcode ------------------------------------------------------------------------ route --+    (SegmentStream) |
 //!                                                                  job's bytes <-- packing <-- findings <-----+
 //! ```
-//! The stages lie in [`crate::plan`]; here is the order in which a kind of input goes through them. Knows no files,
-//! no terminal and no line.
+//! The stages are in [`crate::plan`]; this module has their order for each kind of input. It knows no files, no
+//! terminal and no line.
 
 mod error;
 pub mod findings;

@@ -1,10 +1,10 @@
-//! Ground of the outline that a plan leaves open: how much, and where.
+//! Uncovered area of the outline: its size and position.
 //!
-//! A wing thinner than the narrowest bead vanishes from the print: the figures show it as a share
-//! of the area, here it is found as a place. Input: the coverage rasters of a plan. Output: connected
-//! pieces of uncovered ground with the layers that lack it, input coordinates, the largest first, and a
-//! note of those that are no specks. Leaves out what is open on purpose: the ground of a sparse infill, as far
-//! as a narrowest bead around it.
+//! A wing thinner than the narrowest bead is missing in the print: the figures show it as a share of the area,
+//! this module finds its position. Input: the coverage rasters of a plan. Output: connected uncovered areas
+//! with their layers, input coordinates, the largest first, and a note on those that are not tiny. Not
+//! covered: areas that are open on purpose, which are those of a sparse infill, extended by a narrowest bead
+//! around it.
 
 use super::Plan;
 use crate::geometry::Point2;

@@ -1,8 +1,8 @@
-//! A job on its way to its file: packed, checked against the limits and as a board does, and timed as its pieces
-//! come.
+//! Packs a job for its file: checks its parts as they come, against the limits and with the board's own checks,
+//! and measures their time.
 //!
-//! In: pieces of a stream, of whatever planned it, and a file for their frames. Out: the job's frames,
-//! the figures that only the finished motion shows, the job's header. Leaves out where the job goes.
+//! In: parts of a stream, from any kind of input, and a file for their frames. Out: the job's frames,
+//! figures of the finished motion, the job's header. Not covered: the destination of the job.
 
 use crate::drive::device_check::{DeviceCheck, Refused};
 use crate::drive::limits::{LimitFigures, LimitTally};

@@ -1,7 +1,7 @@
-//! What is known of a job's passes beside their motion: which kind of bead each is, which line of a file it follows.
+//! Data of a job's passes in addition to their motion: the kind of bead, the line of the file that it follows.
 //!
 //! In: a plan's curves, the kinds of a part's passes, or the passes of a slicer's file. Out: a closure that
-//! says both of every point of the path, in order.
+//! gives both for every point of the path, in order.
 
 use crate::gcode::{BeadKind, GcodePass, Leg};
 use crate::job::{Mark, MotionState};

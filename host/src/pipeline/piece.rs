@@ -1,8 +1,8 @@
-//! A piece of a part: what is kept of a few layers that were planned together.
+//! A block of layers of a part: the data that are kept of a few layers planned together.
 //!
-//! Input: the plan of a few layers. Output: its stream from rest to rest, and what the figures of the
-//! whole part need of it; as bytes with a checksum for whoever keeps pieces ([`PieceCache`]), and the
-//! key that such bytes are known by: a hash of all that the piece depends on. Leaves out: files.
+//! Input: the plan of a few layers. Output: its stream from rest to rest, and its data for the
+//! figures of the complete part; as bytes with a checksum for a cache ([`PieceCache`]), and their
+//! key: a hash of everything that the block depends on. Not covered: files.
 
 use super::Plan;
 use crate::geometry::polygon::Region;

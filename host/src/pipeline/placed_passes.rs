@@ -1,4 +1,4 @@
-//! Passes in space -> where they lie on the machine, led past singular places.
+//! Passes in space -> passes in machine coordinates, led past singular points.
 
 use super::{PlanError, start_pose};
 use crate::geometry::polygon::Box2;

@@ -1,4 +1,4 @@
-//! What a target was planned to, with all intermediates.
+//! The plan of a target, with all intermediate results.
 
 use super::layer_time::SlowedLayers;
 use super::stack::LeftOut;

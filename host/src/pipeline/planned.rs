@@ -1,7 +1,7 @@
-//! What an input was planned to, whichever kind it is of: a job with its figures, notes and objections.
+//! The plan of an input of any kind: a job with its figures, notes and objections.
 //!
-//! In: a plan of any kind, and how it was read. Out: [`Planned`], from which a job is packed. The same for the command
-//! and for library users.
+//! In: a plan of any kind, and the results of reading its input. Out: [`Planned`], from which a job is packed. The
+//! command and library users get the same.
 
 use super::Plan;
 use super::findings::gcode::gcode_findings;

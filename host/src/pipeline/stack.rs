@@ -1,5 +1,5 @@
-//! One stack of layers -> its plan: the stages that a prism runs once, and a part with changing
-//! layers a few layers at a time.
+//! One stack of layers -> its plan: the stages are run once for a prism, and for a few layers at a
+//! time for a part with changing layers.
 
 use super::{Plan, PlanError};
 use crate::geometry::place_scale::ScaleField;

@@ -1,8 +1,8 @@
-//! Ground that stays open at the same place on many layers: a column that is weak.
+//! Area that is uncovered at the same position on many layers: a weak column.
 //!
-//! Input: the coverage rasters of a plan. Output: cells of [`CELL_MM`] in input coordinates, each with the
-//! number of layers on which most of it is open. Ground nearer to the outline than the narrowest bead is half as wide
-//! is left out: no aperture reaches the corners there, whatever the plan. Leaves out layers whose infill is open on purpose.
+//! Input: the coverage rasters of a plan. Output: cells of [`CELL_MM`] in input coordinates, each with the number of
+//! layers on which most of it is uncovered. A margin along the outline of half the narrowest bead's width is ignored:
+//! no aperture reaches the corners there, whatever the plan. Not covered: layers with a sparse infill.
 
 use super::Plan;
 use crate::geometry::edge_index::EdgeIndex;

@@ -1,4 +1,4 @@
-//! Run of waypoints -> plan: its curve in space, followed as it is.
+//! Run of waypoints -> plan: its curve in space, followed unchanged.
 
 use super::placed_passes::{PlacedPasses, placed_passes};
 use super::{Plan, PlanError, start_pose};

@@ -1,14 +1,14 @@
-//! 3MF: the objects that the build names, each where its transforms put it, and read as the slicer that
-//! wrote the project means them.
+//! 3MF: the objects that the build names, placed by their transforms and interpreted as in the slicer
+//! that wrote the project.
 //!
 //! ```text
 //! bytes --package--> [Model], Roles, Unfollowed --Placing--> material, what is cut from it --> RawMesh
 //! ```
-//! Slicers keep objects in model files of their own beside the one that has the build: a component names
-//! the file, or else an object that its own model does not have is looked for in the others. Volumes that
-//! are no material (modifiers, support blockers and enforcers) are left out, negative ones are cut away
-//! from the object that has them. What a project asks for beyond that is not followed, and reported.
-//! Leaves out colours, materials and textures.
+//! Slicers store objects in separate model files next to the one with the build: a component names the
+//! file; otherwise an object that is missing in its own model is searched for in the others. Volumes that
+//! are not material (modifiers, support blockers and enforcers) are omitted, negative ones are subtracted
+//! from their object. Other settings of a project are not applied, and reported. Not covered: colours,
+//! materials and textures.
 
 mod model;
 mod package;

@@ -1,7 +1,7 @@
-//! A model file of a 3MF package: its objects, and what its build places.
+//! A model file of a 3MF package: its objects, and the items of its build.
 //!
-//! Resources may stand in any order. Of colours, materials and textures nothing is kept; what slicers
-//! paint on triangles is counted.
+//! Resources may be in any order. Colours, materials and textures are dropped; triangles painted by
+//! slicers are counted.
 
 use super::problem;
 use super::roles::{KeyValues, Role};

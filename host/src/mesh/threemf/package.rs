@@ -1,4 +1,4 @@
-//! The files of a 3MF package: its models, and what slicers keep beside them. Bounds what is unpacked.
+//! The files of a 3MF package: its models, and the slicers' own files. Limits the unpacked size.
 
 use super::model::{Model, read_model};
 use super::roles::{Roles, read_roles};

@@ -1,8 +1,8 @@
-//! What slicers keep of the volumes of an object beside the model: their roles and their settings.
+//! Roles and settings of an object's volumes, which slicers store outside the model.
 //!
 //! PrusaSlicer divides an object's triangles into volumes (`Metadata/Slic3r_PE_model.config`), Bambu Studio
 //! and OrcaSlicer name the components of an object (`Metadata/model_settings.config`), Cura gives settings
-//! to an object, some of which say that it is no material.
+//! to an object, some of which declare that it is not material.
 
 use super::xml::{Part, read};
 use crate::mesh::MeshError;

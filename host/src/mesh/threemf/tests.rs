@@ -1,6 +1,6 @@
-//! Goal: a project is read as the slicer that wrote it means it, and what is not followed is said.
-//! Method: packages in the manner of PrusaSlicer, OrcaSlicer and Cura, of boxes whose volumes and places
-//! are computed by hand.
+//! Goal: a project is interpreted as in the slicer that wrote it, and settings that are not applied are
+//! reported. Method: packages like those of PrusaSlicer, OrcaSlicer and Cura, of boxes whose volumes and
+//! positions are computed by hand.
 
 use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::mesh::test_meshes::{cuboid, joined, model_3mf, object_3mf, to_3mf, to_package};

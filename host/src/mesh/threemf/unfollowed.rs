@@ -1,5 +1,5 @@
-//! What a slicer's project asks for that is not followed: each kind is one message, so that nothing is
-//! dropped in silence.
+//! Settings of a slicer's project that are not applied: one message for each kind, so that nothing is
+//! dropped silently.
 
 use super::model::{Object, Painted, paint_names};
 use super::roles::{KeyValues, ObjectNotes, Role, Roles};

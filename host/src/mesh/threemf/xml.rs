@@ -1,4 +1,4 @@
-//! XML as a 3MF package has it: elements and their attributes by name, prefixes passed over.
+//! XML as used in a 3MF package: elements and their attributes by name, prefixes ignored.
 
 use super::problem;
 use crate::mesh::MeshError;

@@ -1,6 +1,6 @@
-//! What a planned file of G-code came to.
+//! Findings of a planned G-code file.
 //!
-//! In: the file, its plan. Out: figures, what the user should look at, what keeps it from being good.
+//! In: the file, its plan. Out: figures, notes for the user, objections.
 
 use super::Findings;
 use super::objections::Objection;

@@ -1,7 +1,7 @@
-//! What a plan leaves out, as places for the eye.
+//! Places that a plan leaves uncovered, for display.
 //!
-//! In: pieces of open ground and runs of boundary out of reach, input coordinates. Out: the largest of
-//! each, mm.
+//! In: uncovered areas and unreachable intervals of the boundary, input coordinates. Out: the largest
+//! of each, mm.
 
 use crate::pipeline::open_ground::OpenGround;
 use crate::plan::outline::unreachable::UnreachableRun;

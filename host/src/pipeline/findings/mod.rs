@@ -1,8 +1,9 @@
-//! What a plan came to: its figures, what the user should know, what is left out.
+//! The findings of a plan: its figures, notes for the user, uncovered places.
 //!
 //! In: a [`Plan`] and the settings in its joint solution. Out: [`Findings`] in input coordinates (mm,
-//! s, mm³). The same for the command and for library users, so that both write the same job. Leaves
-//! out what only the finished stream shows: limits and bytes, which [`crate::pipeline::packing`] adds.
+//! s, mm³). The command and library users get the same ones, so that both write the same job. Not
+//! covered: figures of the finished stream (limits and bytes), which [`crate::pipeline::packing`]
+//! adds.
 
 pub mod gcode;
 pub mod left_out;

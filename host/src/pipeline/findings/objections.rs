@@ -1,7 +1,8 @@
-//! What keeps a job from being good: touches, joints outside their ranges, faults of a board.
+//! Objections to a job: collisions, joints outside their ranges, faults of a board.
 //!
-//! In: a plan, what a board refused of the finished job, what a joint's range was widened for. Out: [`Objection`]s,
-//! one line each, the first thing that is said of a job. Leaves out which of them the user allows: the command does.
+//! In: a plan, the faults that a board would latch in the finished job, the reasons for widening a joint's range.
+//! Out: [`Objection`]s, one line each, which are the first lines of a report. Not covered: which of them the user
+//! allows; the command handles that.
 
 use super::run_notes;
 use crate::drive::device_check::{Refusal, Refused};

@@ -1,6 +1,6 @@
-//! What a planned part came to, put together from its pieces.
+//! Findings of a planned part, combined from its blocks of layers.
 //!
-//! In: the layers of a part, its plan. Out: figures, what the user should look at, what is left out.
+//! In: the layers of a part, its plan. Out: figures, notes for the user, uncovered places.
 
 use super::Findings;
 use super::left_out::left_out;

@@ -1,4 +1,4 @@
-//! What the user should know of a path in space: its surface, its place, singular places, touches.
+//! Notes on a path in space: its surface, its placement, singular points, collisions.
 
 use crate::job::transform::PartTransform;
 use crate::pipeline::Plan;

@@ -1,4 +1,4 @@
-//! Settings that can be, but are hardly meant: mostly a number in another unit.
+//! Warnings about settings that are valid but hardly intended: mostly a number in another unit.
 
 use crate::settings::{Settings, joint_names};
 

@@ -1,6 +1,7 @@
-//! What a simulated run came to: its figures, and whether it is a success.
+//! Findings of a simulation: its figures, and whether it succeeded.
 //!
-//! In: a [`DryRun`] with its stream. Out: figures beside those of the plan; a line of what went wrong.
+//! In: a [`DryRun`] with its stream. Out: figures in addition to those of the plan; a line about the
+//! failure, if any.
 
 use super::time_figures;
 use crate::drive::dry_run::DryRun;

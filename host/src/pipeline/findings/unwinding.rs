@@ -1,7 +1,7 @@
 //! Where the nozzle turns back for its cables: by more than half a turn between two passes.
 //!
-//! In: the route, and the range of the joint that follows the heading. Out: a line, or none where the joint has no
-//! ends or never turns so far. Any nozzle is entered within half a turn where nothing keeps it from that.
+//! In: the route, and the range of the joint that follows the heading. Out: a line, or none if the joint has no
+//! ends or never turns so far. A pass is entered within half a turn of any nozzle unless a limit prevents it.
 
 use crate::job::MotionState;
 use crate::job::transform::PartTransform;

@@ -1,4 +1,4 @@
-//! What layers and kinds of bead take, and what the material costs, as figures.
+//! Time and material of layers and kinds of bead, and the cost of the material, as figures.
 
 use crate::pipeline::layer_time::SlowedLayers;
 use crate::pipeline::layer_uses::LayerUse;

@@ -1,7 +1,7 @@
-//! What wide beads came to: layers whose joints are cold, curves that lay unevenly.
+//! Findings on wide beads: layers with cold joints, curves with uneven deposition.
 //!
 //! In: the time of each layer (s), the worst curve of the finished stream, the settings. Out: figures, and an
-//! [`Objection`] for each bound that is not kept. Leaves out what refuses the job: the command does.
+//! [`Objection`] for each exceeded limit. Not covered: refusal of the job; the command handles that.
 
 use super::objections::{Objection, ObjectionKind};
 use crate::job::transform::PartTransform;

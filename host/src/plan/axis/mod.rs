@@ -5,8 +5,8 @@
 //! (mm)                       (points, radii, mm)         (graph of short links, mm)
 //! ```
 //!
-//! `region_cut` cuts a region along chords between the feet of an axis point. Leaves out: how many
-//! beads lie across it (`beads`).
+//! `region_cut` cuts a region along chords between the feet of an axis point. Not covered: the
+//! number of beads across it (`beads`).
 
 pub mod medial_axis;
 pub mod pruned_axis;

@@ -1,12 +1,12 @@
 //! The axis that passes are planned on: the medial axis without the branches that only lead into
 //! corners, as a graph of short links.
 //!
-//! Branches go from their free ends only: a piece with a small object angle between two others
-//! stays, because the channels of both sides have to meet across it. Cutting it out leaves places
-//! that belong to no axis, and gaps there.
+//! Branches are removed from their free ends only: a part with a small object angle between two
+//! others stays, because the bead channels of both sides have to meet across it. Cutting it out
+//! would leave places that belong to no axis, and gaps there.
 //!
 //! In: the interior medial axis, the aperture. Out: nodes with radius (mm) and links between them.
-//! Why here: passes ask a graph with short links, the medial axis holds curves.
+//! Why here: passes need a graph with short links, the medial axis has curves.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::{Point2, Vector2};

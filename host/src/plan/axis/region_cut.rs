@@ -1,7 +1,7 @@
 //! A region cut along chords across its passages.
 //!
-//! In: a region (mm), axis nodes where it is to be cut. Out: the pieces (mm), each valid. Chords go
-//! 0.1 µm beyond the walls, which is what the pieces lack.
+//! In: a region (mm), axis nodes where it is to be cut. Out: its parts (mm), each valid. Chords
+//! extend 0.1 µm beyond the walls; the parts are smaller by that much.
 
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::{Region, Ring};

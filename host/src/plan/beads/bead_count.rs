@@ -1,14 +1,13 @@
-//! How many beads lie between the wall and the medial axis, along the axis.
+//! The number of beads between the wall and the medial axis, along the axis.
 //!
-//! With k beads across r each is r/k wide, so any k with r/(2a) <= k <= r/(2b) works
-//! (docs/design/heading-law.md). The count is chosen piecewise constant over the whole axis, by dynamic programming over a
-//! spanning forest of the axis graph: the least printed path, where each change costs about what
-//! its ends waste. Each change is then spread over a blend length, so that the channels narrow and
-//! widen smoothly instead of jumping. Where r < 2b only one bead fits across the whole passage: a
-//! single run.
+//! With k beads across r each is r/k wide, so any k with r/(2a) <= k <= r/(2b) works (docs/design/heading-law.md).
+//! The count is chosen piecewise constant over the whole axis, by dynamic programming over a spanning forest of the
+//! axis graph: the least printed path, where each change costs about what its ends waste. Each change is then spread
+//! over a blend length, so that the bead channels narrow and widen smoothly. Where r < 2b only one bead fits across
+//! the passage: a single bead.
 //!
 //! In: axis with radii (mm), narrowest and widest channel (mm). Out: k at every node, whole or
-//! blended. Leaves out: what the outline does between axis and wall (the field does that).
+//! blended. Not covered: the outline between axis and wall (`field`).
 
 use crate::geometry::aperture::Aperture;
 use crate::plan::axis::pruned_axis::Axis;

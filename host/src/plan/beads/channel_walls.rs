@@ -1,14 +1,14 @@
-//! What the beads laid so far really cover, as the outer wall of the next channel.
+//! The area that earlier beads really cover gives the outer wall of the next bead channel.
 //!
-//! A bead misses the inner wall of its channel where it cannot be wide enough (the way across a
-//! corner is longer) or where its heading lags. If the next channel started from the level curve
-//! all the same, that miss would stay as a gap or an overlap. So its wall is moved onto the edge of
-//! what was swept, while its own inner wall stays the level curve: errors are handed on once and
-//! corrected, never piled up, and the jitter of one bead is not amplified by the next.
+//! A bead misses the inner wall of its channel where it cannot be wide enough (the distance across
+//! a corner is longer) or where its heading lags. If the next channel still started from the level
+//! curve, that miss would remain as a gap or an overlap. So its wall is moved onto the edge of the
+//! swept area, while its own inner wall stays the level curve: errors are passed on once and
+//! corrected, they do not accumulate, and the jitter of one bead is not amplified by the next.
 //!
-//! In: placements of runs laid so far, a level curve (mm). Out: the level curve moved onto the edge
-//! of what they sweep (mm), at most 0.8 a. Leaves out: ground beyond that, which the figures show
-//! as open.
+//! In: placements of earlier beads, a level curve (mm). Out: the level curve moved onto the edge of
+//! what they sweep (mm), at most 0.8 a. Not covered: area beyond that, which the figures show as
+//! uncovered.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, Turned};

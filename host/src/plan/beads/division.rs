@@ -1,14 +1,14 @@
-//! Which stretches of the axis hold one bead and which two sides.
+//! Which stretches of the axis get one bead and which get two sides.
 //!
-//! Two sides are needed where one bead is not wide enough (r > a), one bead where two would cover
-//! each other (r < 2b); between them, and a little beyond, either will do. What decides there is where
-//! flow has to be interrupted: a single run ends wherever it changes into two sides, in a dead end and
-//! at a joint of an odd number of single runs, and two ends are one pass (L. Euler, 1736). Two sides
-//! turn round and end nowhere. All these are nodes of an odd number of single links, so the division is
-//! the cheapest choice of single links where odd nodes cost, whatever loops the axis has.
+//! Two sides are needed where one bead is not wide enough (r > a), one bead where two would overlap (r
+//! < 2b); between them, and a little beyond, either will do. There the number of flow interruptions
+//! decides: a single bead ends where it changes into two sides, in a dead end and at a junction of an
+//! odd number of single beads, and two ends make one pass (L. Euler, 1736). Two sides turn round and
+//! have no end. All these ends are nodes with an odd number of single links, so the division is the
+//! cheapest choice of single links with a price on odd nodes, whatever loops the axis has.
 //!
 //! In: axis with radii (mm), the necks among its nodes, widths of beads (mm). Out: for each node
-//! whether a single run is on it. Leaves out: where runs begin and end exactly (the cut does that).
+//! whether a single bead is on it. Not covered: the exact ends of beads (the cut gives them).
 
 use crate::geometry::aperture::Aperture;
 use crate::plan::axis::pruned_axis::{Axis, flood};

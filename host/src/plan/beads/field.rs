@@ -6,7 +6,7 @@
 //!
 //! In: walls, axis, k at its nodes, step of the grid (mm). Out: v at any point, and rings (mm) at a
 //! level. Source for the curves: W. Lorensen and H. Cline, "Marching cubes" (1987), in the plane.
-//! Leaves out: detail below a step.
+//! Not covered: detail below a step.
 
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Ring};

@@ -1,12 +1,12 @@
-//! Straight lines over the ground that the walls leave open, the heading across the travel.
+//! Straight lines over the area that the walls leave uncovered, with the heading across the travel.
 //!
-//! Lines run at the infill's angle, one bead wide. A solid infill divides each piece of ground into
-//! equal rows and turns the nozzle so that its bead is as wide as a row; a sparse one lays the
-//! widest bead at even spacing, on one grid for the whole layer. A line goes as far as the aperture
-//! at its heading fits: the centres at which an edge touches the aperture are an interval, found
-//! exactly for every edge, and what lies between these intervals is free.
+//! Lines run at the infill's angle, one bead wide. A solid infill divides each connected area into
+//! equal rows and turns the nozzle so that its bead is as wide as a row; a sparse one prints the
+//! widest bead at even spacing, on one grid for the complete layer. A line extends as far as the
+//! aperture at its heading fits: the centres at which an edge touches the aperture form an
+//! interval, found exactly for every edge, and the line is free between these intervals.
 //!
-//! Input: regions (mm, local). Output: open passes, unordered. Leaves out the linking of rows.
+//! Input: regions (mm, local). Output: open passes, unordered. Not covered: the linking of rows.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

@@ -8,7 +8,7 @@
 //! open ground  --infill--> LayerPass of straight lines
 //! ```
 //!
-//! Leaves out: in what order they are printed and what joins them (`joining`).
+//! Not covered: printing order and connections (`joining`).
 
 pub mod bead_count;
 pub mod channel_walls;

@@ -1,9 +1,9 @@
-//! Passes: how one region is divided into channels and runs, each with its placements.
+//! Passes: divides one region into bead channels and runs of contacts, each with its placements.
 //!
 //! 1. Where one bead across is cheaper than two sides, the region is cut off by chords between the
-//!    feet of the axis: single runs, laid on the axis.
+//!    feet of the axis: single beads along the axis.
 //! 2. What remains is tiled by k beads between wall and axis ([`super::bead_count`]); the channel
-//!    field gives each channel's outer wall, moved onto what was laid before it
+//!    field gives each channel's outer wall, moved onto the edge of earlier beads
 //!    ([`super::channel_walls`]); contacts along it get the heading profile.
 //! 3. The innermost beads share out the gap or overlap between them.
 //!

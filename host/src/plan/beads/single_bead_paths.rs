@@ -1,12 +1,12 @@
-//! Single-bead paths: the axis of single runs divided into as few ways as its joints allow.
+//! Single-bead paths: divides the axis of single beads into as few paths as its junctions allow.
 //!
-//! A joint of three or more branches is passed by pairs of them, the straightest first, so that one
-//! branch at most ends there: half as many single-bead paths as there are joints and ends of odd
-//! degree (L. Euler, 1736), wherever the walk begins. A pair that would close a loop waits until
-//! the others have been asked: a loop that a branch ends at is better gone around by that branch.
+//! At a junction of three or more branches, pairs of them are connected, the straightest first, so
+//! that one branch at most ends there: half as many single-bead paths as there are junctions and
+//! ends of odd degree (L. Euler, 1736), wherever the walk begins. A pair that would close a loop is
+//! considered after the others: a loop at which a branch ends is better followed by that branch.
 //!
 //! In: axis, its neighbours, the nodes that may be used, the reach over which directions are taken
-//! (mm). Out: ways as lists of nodes, each link in one of them.
+//! (mm). Out: paths as lists of nodes, each link in one of them.
 
 use crate::geometry::Vector2;
 use crate::geometry::union_find::root;

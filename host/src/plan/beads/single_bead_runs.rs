@@ -1,7 +1,7 @@
 //! Stretches of the axis where only one bead fits across, and the region cut along their ends.
 //!
-//! In: a region with its walls and axis (mm). Out: single-bead paths along the axis, and the pieces of
-//! the region (mm) that are left for two sides. Why here: both cuts must lie at the same nodes.
+//! In: a region with its walls and axis (mm). Out: single-bead paths along the axis, and the parts of
+//! the region (mm) that remain for two sides. Why here: both cuts must be at the same nodes.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;

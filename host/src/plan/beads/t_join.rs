@@ -1,14 +1,15 @@
-//! The cheapest choice of links of a graph in which every node of an odd number of chosen links costs.
+//! The cheapest choice of links of a graph with a price on every node with an odd number of chosen
+//! links.
 //!
-//! Each link by itself is chosen where that saves something. What that leaves are odd nodes; two of
-//! them are mended by changing all links along a way between them. Which ways cost least together is a
-//! matching of the odd nodes (J. Edmonds and E. Johnson, 1973, on T-joins), where a node that stays
-//! alone pays. Costs are whole numbers inside: sums of floats would let the order of the links choose
-//! among equals.
+//! First each link is chosen if that alone is cheaper. This leaves odd nodes; two of them become even
+//! when all links along a path between them are flipped. The cheapest set of paths is a matching of
+//! the odd nodes (J. Edmonds and E. Johnson, 1973, on T-joins), where an unmatched node pays its
+//! price. Costs are integers inside: with sums of floats the order of the links would decide between
+//! equals.
 //!
-//! In: links as pairs of nodes, what choosing each costs, what an odd node costs (any one unit).
-//! Out: for each link whether it is chosen. Leaves out: the optimum of parts with more than 300 odd
-//! nodes, which are matched in pieces.
+//! In: links as pairs of nodes, the cost of choosing each, the price of an odd node (any one unit).
+//! Out: for each link whether it is chosen. Not covered: the optimum of components with more than
+//! 300 odd nodes, which are matched in parts.
 
 use crate::geometry::union_find::root;
 use std::cmp::Reverse;

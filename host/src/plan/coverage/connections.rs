@@ -1,8 +1,8 @@
-//! Ways of the aperture from one placement to another that keep inside the walls.
+//! Paths of the aperture from one placement to another inside the walls.
 //!
 //! In: two placements (mm, rad), the largest turn (rad), the walls. Out: placements in between at
-//! steps of 0.6 b and 0.2 rad, none deeper in a wall than the cut allowed; none where nothing fits.
-//! Leaves out: ways with more than one corner.
+//! steps of 0.6 b and 0.2 rad, none deeper in a wall than the allowed cut; empty if nothing fits.
+//! Not covered: paths with more than one corner.
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;

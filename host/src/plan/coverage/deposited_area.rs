@@ -1,9 +1,9 @@
-//! The ground that the passes of a region lay, asked where one of them is to be cut in two.
+//! The area that the passes of a region cover, queried where one of them is to be cut in two.
 //!
-//! Both sides of a cut at one placement lay all of the aperture there. So the second piece begins
-//! where what is laid twice and what stays open weigh least together; and a cut costs least where
-//! beads swing or lie over each other anyway. Input: passes. Output: what a cut costs, and where
-//! the piece behind it begins.
+//! Both sides of a cut at one placement cover the complete aperture there. So the second part
+//! begins where area covered twice and uncovered area cost least together; and a cut is cheapest
+//! where beads swing or overlap anyway. Input: passes. Output: the cost of a cut, and the start of
+//! the part after it.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::coverage::{Cell, Coverage};

@@ -1,4 +1,5 @@
-//! What all passes leave open, and what a placement or a gap-fill move would add, on a raster.
+//! The area that all passes leave uncovered, and the area that a placement or a gap-fill move would
+//! add, on a raster.
 //!
 //! In: passes, walls (mm). Out: gaps as sets of cells, the placement that gains most in one, areas
 //! in mm². Cells of 0.1 b, at most six million; larger regions get larger ones.

@@ -1,7 +1,7 @@
-//! Passes that cover next to nothing alone are left out.
+//! Removes passes that alone cover almost no area.
 //!
-//! Runs are laid up to the joint where they meet another bead, so that nothing stays open there; some lie on others
-//! from end to end. What a pass covers alone is counted on a raster.
+//! Beads extend up to the junction where they meet another bead, so that nothing stays uncovered there; some
+//! overlap others from end to end. The area that only one pass covers is counted on a raster.
 //!
 //! In: passes, their bounds (mm). Out: the passes that are needed (mm² against the aperture's area).
 

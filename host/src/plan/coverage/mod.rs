@@ -1,4 +1,5 @@
-//! Coverage: what passes cover, what they leave open, and where a nozzle may go between them.
+//! Coverage: the area that passes cover, the area that they leave uncovered, and where a nozzle may
+//! move between them.
 //!
 //! ```text
 //! LayerPass --raster--------> counts of a cell; areas covered first, again and by one pass (mm²)
@@ -8,7 +9,7 @@
 //! Configuration, Configuration --connections--> configurations between them, inside the walls
 //! ```
 //!
-//! Leaves out: the figures of a finished plan (`judge`), measured on segments by other code.
+//! Not covered: the figures of a finished plan (`judge`), measured on segments by other code.
 
 pub mod connections;
 pub mod deposited_area;

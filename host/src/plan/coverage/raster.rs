@@ -1,7 +1,7 @@
-//! The raster on which it is counted what beads cover: one engine, a query for each question.
+//! The raster on which the area of beads is counted: one engine with a query for each purpose.
 //!
-//! A cell is covered where its centre lies in a placed aperture. Stages ask with cells of their own
-//! size, for what is asked often may be coarse; stamping, rows and counting are the same for all.
+//! A cell is covered if its centre is in a placed aperture. Each stage chooses its cell size, since
+//! frequent queries may be coarse; stamping, rows and counting are the same for all.
 //!
 //! ```text
 //! of_passes        how many passes cover each cell            (idle_passes, bridge_cost)
@@ -12,7 +12,7 @@
 //! ```
 //!
 //! In: passes or poses (mm, rad), bounds (mm), the cell against b. Out: counts for each cell, areas
-//! in mm². Leaves out: what one pass covers twice itself, but in [`within_walls`].
+//! in mm². Not covered: area that one pass itself covers twice, except in [`within_walls`].
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

@@ -1,10 +1,10 @@
-//! Detours of a curve where it goes through what no pushing takes it out of.
+//! Detours of a curve where it crosses a wall and cannot be pushed out of it.
 //!
-//! Of two placements that follow each other each may fit while nothing between them does: the tip
-//! stands on one side of a corner of the walls here and on its other side there. Such a curve must
-//! be led around, turned some other way, not pushed. Input: control points, and which spans cut
-//! however they are pushed. Output: control points with ways around those spans where there are
-//! any.
+//! Two consecutive placements may each fit while nothing between them does: the tip is on one side
+//! of a corner of the walls in the first and on its other side in the second. Such a curve must be
+//! led around, turned in another direction, not pushed. Input: control points, and the spans that
+//! cut a wall however they are pushed. Output: control points with detours around those spans where
+//! there are any.
 
 use crate::geometry::clearance::Configuration;
 use crate::geometry::plane_curve::{PlaneControl, configuration};

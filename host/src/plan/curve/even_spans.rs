@@ -1,9 +1,9 @@
-//! A pass as control points at even steps of its own path, with a crude pace: what an optimiser begins with.
+//! A pass as control points at even steps of its own path, with a rough speed: the start of an optimiser.
 //!
-//! Placements lie where a stage happened to put them: dense in corners, sparse on straight beads. Spans of equal
-//! length, a turn of the heading counted as the way of a point beside the aperture, neither freeze a turn (as
-//! spans of equal time do) nor lose one that is made in place. Corners are rounded over a fraction of a, for a
-//! kink is jerk that says nothing about where the bead belongs.
+//! The spacing of placements is arbitrary: dense in corners, sparse on straight beads. Spans of equal length,
+//! with a turn of the heading counted as the path of a point beside the aperture, neither freeze a turn (as
+//! spans of equal time do) nor lose a turn in place. Corners are rounded over a fraction of a, because a kink
+//! adds jerk without information about the bead's position.
 //!
 //! In: control points of a curve (mm, rad), the aperture, limits. Out: control points at even steps, the
 //! logarithm of each span's time (s), and for each point the control point it came from.

@@ -1,9 +1,9 @@
-//! Passes that turn further than the nozzle may between its stops: cut where it has to turn back.
+//! Cuts passes that turn further than the nozzle may between its stops, where it has to turn back.
 //!
-//! The aperture's symmetry helps: headings a period apart lay the same bead, so a pass may be
-//! entered at any of them. Input: passes with unwrapped headings. Output: the pass, or pieces of it
-//! that each fit between the stops from some heading: as few as can be, cut where that lays least
-//! ground twice, each begun a little after the end of the one before it
+//! The aperture's symmetry helps: headings a period apart print the same bead, so a pass may be
+//! entered at any of them. Input: passes with unwrapped headings. Output: the pass, or parts of it
+//! that each fit between the stops from some heading: as few as possible, cut where that covers the
+//! least area twice, each beginning a little after the end of the previous one
 //! ([`crate::plan::coverage::deposited_area`]).
 
 use crate::geometry::edge_index::EdgeIndex;

@@ -1,11 +1,10 @@
-//! From placements to the curve that is printed: a uniform cubic B-spline in (x, y, heading) whose
-//! every pose keeps inside the region.
+//! From placements to the printed curve: a uniform cubic B-spline in (x, y, heading) that keeps
+//! every pose inside the region.
 //!
-//! The placements are the control polygon, sharpened by one step of the interpolation inverse
-//! (P - second difference / 6) where they are smooth, so that the curve passes through them to
-//! fourth order; corners stay rounded by the spline itself. Then the curve is pushed inside the walls
-//! ([`crate::plan::curve::pushing_inside`]), led around where that fails ([`crate::plan::curve::detours`]), and cut where
-//! there is no way around.
+//! The placements are the control polygon, sharpened by one step of the interpolation inverse (P - second difference
+//! / 6) where they are smooth, so that the curve passes through them to fourth order; corners stay rounded by the
+//! spline itself. Then the curve is pushed inside the walls ([`crate::plan::curve::pushing_inside`]), led around
+//! where that fails ([`crate::plan::curve::detours`]), and cut where there is no detour.
 //!
 //! In: an opened pass (mm, rad), the walls, the tolerance (mm). Out: control points of one curve or
 //! several. The sharpening: see C. de Boor, "A Practical Guide to Splines" (1978).

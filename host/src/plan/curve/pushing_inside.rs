@@ -1,9 +1,9 @@
-//! Pushing a curve inside the walls.
+//! Pushes a curve inside the walls.
 //!
-//! Poses along each span are checked against the true walls and the control points pushed back, all
-//! at once and where that goes astray one pose after the other, until none cuts deeper than the
-//! tolerance. Input: control points. Output: the same, moved and turned, which spans still cut, and which
-//! were taken too far off their way.
+//! Poses along each span are checked against the true walls and the control points pushed back, all at
+//! once and, where that diverges, one pose after the other, until none cuts deeper than the tolerance.
+//! Input: control points. Output: the control points moved and turned, the spans that still cut, and
+//! those that were moved too far from their path.
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;

@@ -6,18 +6,18 @@
 //! For each edge, F is the factor by which the aperture, scaled about the contact p, would just
 //! touch it: the edge is harmless where F >= 1. In the frame that makes the aperture a unit disk it
 //! is the radius of a disk touching p and the edge, a closed form. ln F changes with alpha by at
-//! most 3/2 (a/b - b/a) per radian, so a whole interval is decided by one look at its middle unless
-//! some edge is near contact there; only those are halved, down to [`RESOLUTION_RAD`].
+//! most 3/2 (a/b - b/a) per radian, so one evaluation at its middle decides a complete interval
+//! unless some edge is near contact there; only those are halved, down to [`RESOLUTION_RAD`].
 //!
 //! Accuracy: interval ends to `RESOLUTION_RAD`; a gap or an interval narrower than that may be
 //! missed; an aperture that fits but for [`SLACK`] counts. No grid, no tolerance beyond these.
 //! Source: docs/design/heading-law.md; the bound on ln F is ours (see `decide`).
 //! Slots, rectangles and polygons have closed forms of their own: `feasible_polygon`.
 //!
-//! Why two engines say which headings fit: here the aperture touches the boundary at p exactly, as what
-//! can be reached at all and the user's table of headings ask. Beads touch no wall but the outermost, and
-//! may stand off a wall where that costs less than turning; so `headings::profile` slides each heading
-//! off the walls and prices the slide.
+//! Why there are two engines for feasible headings: here the aperture touches the boundary at p exactly,
+//! as the reachable area and the user's table of headings require. Only the outermost beads touch a wall,
+//! and they may keep a distance where that costs less than turning; so `headings::profile` slides each
+//! heading off the walls and prices the slide.
 //!
 //! In: aperture, an index of edges (mm), a boundary point and its inward unit normal. Out:
 //! intervals of alpha, rad.

@@ -1,12 +1,12 @@
 //! F(p) for slots, rectangles and convex polygons: exact intervals of the heading angle.
 //!
-//! While the aperture leans on the wall at p with one corner of its core, turning it is a rotation
-//! of the core about a fixed point: the corner stands at p + R N, whatever the angle. For each wall
+//! While the aperture touches the wall at p with one corner of its core, turning it is a rotation
+//! of the core about a fixed point: the corner is at p + R N, whatever the angle. For each wall
 //! near p the angles at which core and wall come exactly R apart have closed forms (a corner of the
 //! core against the wall's line or end, a side of the core against the wall's end); between two of
-//! them the answer cannot change, so one look at the middle decides each stretch. What every wall
-//! leaves free is F(p). Where a side lies flat on the wall the aperture may also slide along it:
-//! there the free positions are found instead, again in closed form.
+//! them the answer cannot change, so one evaluation at the middle decides each interval. F(p) is
+//! the intersection over all walls. Where a side is flat on the wall the aperture may also slide
+//! along it: there the free positions are found instead, again in closed form.
 //!
 //! In: the shape, the edges near p in the frame of the normal (x along N, y along the tangent).
 //! Out: intervals of alpha (the angle from N to tool X), and the flats. Exact but for rounding and

@@ -1,4 +1,4 @@
-//! Goal: F(p) of slots, rectangles and polygons is what the clearance query says, and the slides
+//! Goal: F(p) of slots, rectangles and polygons agrees with the clearance query, and the slides
 //! along flat sides are right. Method: random stars with a fine sweep of alpha; closed forms.
 
 use crate::geometry::aperture::Aperture;

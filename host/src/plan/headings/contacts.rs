@@ -1,13 +1,14 @@
-//! Contact samples: where the aperture is to touch the wall of its channel, and how wide it
-//! should be there.
+//! Contact samples: where the aperture is to touch the wall of its bead channel, and the bead's
+//! width there.
 //!
-//! Normals are smoothed over a length tied to the aperture, so that noise and the facets of a
-//! curve do not shake the heading; real corners stay: a convex one keeps its two normals, a reflex
-//! one gets a fan around which the aperture swings with its contact on the corner.
+//! Normals are smoothed over a length proportional to the aperture, so that noise and the facets of
+//! a curve do not shake the heading; real corners stay: a convex one keeps its two normals, a
+//! reflex one gets a fan of normals around which the aperture swings with its contact on the
+//! corner.
 //!
-//! In: a closed ring (mm), inside on its left, spacing and smoothing (mm). Out: contacts with place
-//! (mm), unit normal and length of wall (mm). Leaves out: the width wanted, which the channel
-//! gives.
+//! In: a closed ring (mm), inside on its left, spacing and smoothing (mm). Out: contacts with
+//! position (mm), unit normal and length of wall (mm). Not covered: the desired width, which the
+//! channel gives.
 
 use crate::geometry::polygon::Ring;
 use crate::geometry::{Point2, Vector2};

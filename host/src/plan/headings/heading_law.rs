@@ -1,9 +1,9 @@
-//! Weights and heading laws: from the radius r to the angle |alpha| that the aperture should take.
+//! Weights and heading laws: from the radius r to the angle |alpha| that the aperture should have.
 //!
 //! Source: eq. 3.4.3 and 3.4.5 of the method for the weights; docs/design/heading-law.md for how they are read
 //! (w = 1 is the major axis along the normal, w = 0 along the tangent) and for the tangent law.
 //!
-//! In: aperture, radius (mm). Out: a weight without unit, an angle in rad. Leaves out: the walls.
+//! In: aperture, radius (mm). Out: a weight without unit, an angle in rad. Not covered: the walls.
 
 use crate::geometry::aperture::Aperture;
 use crate::settings::{HeadingLaw, PassMode};

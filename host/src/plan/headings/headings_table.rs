@@ -1,8 +1,8 @@
-//! The headings table: what the heading law and F(p) say at every boundary sample.
+//! The headings table: heading law and F(p) at every boundary sample.
 //!
-//! Input: a region in mm, an aperture, a spacing. Output: one row for each midpoint of equal
-//! pieces, no longer than the spacing, of each edge, ring by ring in the region's order; exact
-//! edge normals and the unpruned r. See docs/design/heading-law.md. The same rows for any number of threads.
+//! Input: a region in mm, an aperture, a spacing. Output: one row for each midpoint of equal parts, no
+//! longer than the spacing, of each edge, ring by ring in the region's order; exact edge normals and the
+//! unpruned r. See docs/design/heading-law.md. The same rows for any number of threads.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

@@ -1,12 +1,12 @@
-//! Headings: how the aperture is turned along a run of contacts.
+//! Headings: the rotation of the aperture along a run of contacts.
 //!
 //! ```text
 //! Ring --contacts--> Contact --runs--> runs of contacts --profile--> Placement
 //! (mm)               (mm)              (that hold a bead)            (mm, rad, unwrapped)
 //! ```
 //!
-//! `heading_law` and `headings_table` answer for one boundary point at a time, as the published
-//! method does. Leaves out: which walls there are to touch (`beads`).
+//! `heading_law` and `headings_table` treat one boundary point at a time, as the published method
+//! does. Not covered: which walls are to be touched (`beads`).
 
 pub mod contacts;
 pub mod heading_law;

@@ -1,7 +1,7 @@
 //! Runs: the parts of a ring of contacts, or of a profile, that can be printed.
 //!
 //! In: contacts or placements in order, whether they close a ring. Out: runs with their placements,
-//! mm and rad, each open or closed. Leaves out: parts that no bead fits, which stay open ground.
+//! mm and rad, each open or closed. Not covered: parts where no bead fits, which stay uncovered.
 
 use crate::geometry::aperture::Aperture;
 use crate::plan::headings::profile::smooth;

@@ -1,7 +1,8 @@
-//! What a bridge between two loops costs: area that it leaves open or covers again, on a raster.
+//! The cost of a bridge between two loops: area that it leaves uncovered or covers again, on a
+//! raster.
 //!
-//! In: passes of a region, two loops and where they are opened. Out: area that it wastes,
-//! mm². Cells of 0.2 b: many places are tried, and few are close.
+//! In: passes of a region, two loops and the places where they are opened. Out: wasted area, mm².
+//! Cells of 0.2 b: many places are tried, and few have similar costs.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::NO_COLUMNS;

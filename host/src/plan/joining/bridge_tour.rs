@@ -1,4 +1,4 @@
-//! Tours: ways round through passes that bridges have joined.
+//! Tours: closed paths through passes that bridges have joined.
 //!
 //! In: passes and the bridges between them. Out: one pass for each tour, its headings (rad)
 //! unwrapped.

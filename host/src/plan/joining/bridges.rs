@@ -1,12 +1,12 @@
-//! Bridges: loops that lie beside each other become one, without an interruption of flow.
+//! Bridges: neighbouring loops become one, without an interruption of flow.
 //!
-//! Two neighbouring loops are opened over a short stretch each, and joined by two ways side by side
-//! that cover the ground of what was taken out. Which loops are joined where is chosen by what it
-//! costs, the cheapest first, as a minimum spanning forest (Kruskal 1956): every loop is reached by
-//! as few bridges as possible.
+//! Two neighbouring loops are opened over a short stretch each, and joined by two parallel
+//! connections that cover the area of the removed stretches. Bridges are chosen by their cost, the
+//! cheapest first, as a minimum spanning forest (Kruskal 1956): every loop is reached by as few
+//! bridges as possible.
 //!
-//! In: passes of a region (mm, rad), the walls. Out: fewer passes that lay about the same ground.
-//! Leaves out: bridges over more than 2.6 a.
+//! In: passes of a region (mm, rad), the walls. Out: fewer passes that cover about the same area.
+//! Not covered: bridges over more than 2.6 a.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;

@@ -1,11 +1,11 @@
-//! Chains: runs whose ends lie close together become one, or a loop.
+//! Chains: open passes whose ends are close together become one, or a loop.
 //!
-//! A ring that holds no bead in its sharp corners falls into runs from corner to corner; channels
-//! end where others begin. The ends are joined by straight ways, those first that cover the least
-//! ground again; each end is joined once at most ([`super::end_matching`]).
+//! A ring in whose sharp corners no bead fits is divided into runs from corner to corner; bead
+//! channels end where others begin. The ends are joined by straight connections, those first that
+//! cover the least area again; each end is joined once at most ([`super::end_matching`]).
 //!
-//! In: open passes (mm, rad), the walls. Out: the same joined where that covers little ground again
-//! (mm²).
+//! In: open passes (mm, rad), the walls. Out: the passes, joined where that covers little area
+//! again (mm²).
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;

@@ -1,13 +1,12 @@
-//! Which ends of passes are joined: as many as can be, cheaply.
+//! Which ends of passes are joined: as many as possible, at a low cost.
 //!
-//! The cheapest join first (greedy), each end once. Where that leaves an end over whose neighbours
-//! are all taken, joins are exchanged along an alternating path of few joins to another end that is
-//! over (C. Berge 1957), the cheapest found: three ends that meet in a corner must not leave one
-//! here and one there.
+//! The cheapest join comes first (greedy), each end once. If an end remains whose neighbours are
+//! all used, joins are exchanged along a short alternating path to another remaining end (C. Berge
+//! 1957), the cheapest found: three ends that meet in each of two corners must not leave one
+//! unmatched in both.
 //!
-//! In: pairs of ends and what joining them costs (mm²). Out: the numbers of the pairs to join.
-//! Leaves out: the least cost among all matchings of most pairs; exchanges are of three joins at
-//! most.
+//! In: pairs of ends and the cost of joining them (mm²). Out: the numbers of the pairs to join. Not
+//! covered: the least cost among all maximum matchings; exchanges are of three joins at most.
 
 use std::collections::{BTreeMap, BTreeSet};
 

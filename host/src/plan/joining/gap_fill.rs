@@ -1,13 +1,13 @@
-//! Gap-fill moves: short gap-fill moves from a pass into what all passes together leave open.
+//! Gap-fill moves: short moves from a pass into the area that all passes together leave uncovered.
 //!
-//! Corners, junctions of the medial axis and changes of the bead count leave small gaps that no
-//! channel fits. For each gap the placement with the largest gain is searched over position and
-//! heading ([`crate::plan::coverage::gap_raster`]); a placement of a pass nearby goes there and comes back, without
-//! an interruption of flow: the one from where the whole gap-fill move gains most.
+//! Corners, junctions of the medial axis and changes of the bead count leave small gaps where no bead channel fits.
+//! For each gap the placement with the largest gain is searched over position and heading
+//! ([`crate::plan::coverage::gap_raster`]); from a placement of a pass nearby the nozzle goes there and comes back,
+//! without an interruption of flow: the placement from which the complete move gains most is chosen.
 //!
-//! In: passes (mm, rad), the walls, the price of ground (s/mm²). Out: the same passes with moves
-//! into gaps. Leaves out: gaps that bring less than their time is worth, which the figures show as
-//! open.
+//! In: passes (mm, rad), the walls, the price of area (s/mm²). Out: the passes with moves into
+//! gaps. Not covered: gaps that gain less than their time is worth, which the figures show as
+//! uncovered.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

@@ -1,9 +1,9 @@
-//! Sparse lines joined along the wall that they end at, without an interruption of flow.
+//! Joins sparse lines along the wall at which they end, without an interruption of flow.
 //!
-//! In: lines in printing order, the ground that they lie in. Out: fewer passes. From the end of one
-//! line to the start of the next one the nozzle goes along the wall, its long axis along it, so that
-//! the narrowest bead lies beside the wall's. Left out: ends at different walls, and ways so long
-//! that an interruption is sooner over.
+//! In: lines in printing order, their area. Out: fewer passes. From the end of one line to the start
+//! of the next one the nozzle moves along the wall, with its long axis along it, so that it prints
+//! the narrowest bead next to the wall's. Not covered: ends at different walls, and paths so long
+//! that an interruption is faster.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

@@ -1,8 +1,8 @@
 //! Links: passes that follow each other closely become one, without an interruption of flow.
 //!
-//! Where the straight way from the end of a pass to the start of the next one is short and stays
-//! inside the region, the head goes on printing there: neighbouring loops become a spiral. What
-//! the way covers lies between the two ends, which the seams left open.
+//! If the straight connection from the end of a pass to the start of the next one is short and
+//! stays inside the region, the head continues printing: neighbouring loops become a spiral. The
+//! connection covers the area between the two ends, which the seams left uncovered.
 //!
 //! In: passes in printing order (mm, rad), the walls. Out: fewer passes, joined by placements in
 //! between.

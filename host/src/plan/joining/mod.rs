@@ -1,4 +1,4 @@
-//! Joining: passes in printing order, with as few interruptions of flow as are worth it.
+//! Joining: passes in printing order, with as few interruptions of flow as is worthwhile.
 //!
 //! ```text
 //! LayerPass --chains, end_matching--> ends that meet become one pass
@@ -8,8 +8,8 @@
 //!           --infill_links--> sparse lines joined along the walls
 //! ```
 //!
-//! `printed_order` is this pipeline. All in mm and rad, in the region's own frame. Leaves out:
-//! travel between what stays apart (`route`).
+//! `printed_order` is this pipeline. All in mm and rad, in the region's own frame. Not covered:
+//! travel between passes that stay separate (`route`).
 
 pub mod bridge_cost;
 pub mod bridge_tour;

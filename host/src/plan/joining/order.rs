@@ -1,12 +1,12 @@
-//! In which order, from where and in which direction the passes of a layer are printed.
+//! Order, starting point and direction in which the passes of a layer are printed.
 //!
-//! Greedy nearest neighbour over both ends of open passes and all places of closed ones, then
-//! 2-opt on the order with bounded rounds. Travel counts, and that a way too long for a link
-//! interrupts the flow; not so the way to the first pass, which comes after travel anyway.
+//! Greedy nearest neighbour over both ends of open passes and all points of closed ones, then 2-opt
+//! on the order with bounded rounds. The cost is travel, plus an interruption of flow where a
+//! distance is too long for a link, except before the first pass, which comes after travel anyway.
 //!
-//! In: passes (mm, rad), where the head is (mm). Out: the same passes in order, each in its
-//! direction, opened at its seam. Source: G. Croes (1958) for 2-opt. Leaves out: the optimum, and
-//! 2-opt above 60 passes.
+//! In: passes (mm, rad), the head's position (mm). Out: the passes in order, each in its direction,
+//! opened at its seam. Source: G. Croes (1958) for 2-opt. Not covered: the optimum, and 2-opt above
+//! 60 passes.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

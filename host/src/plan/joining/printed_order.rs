@@ -1,11 +1,11 @@
-//! The passes of one region as they are printed: ordered and linked.
+//! The passes of one region in printing order, linked.
 //!
-//! Walls come first, then the lines of a solid infill, linked with them, then
-//! bridges, linked with each other alone so that their speed and flow are theirs, then the lines of a sparse
-//! infill: what they leave open is meant to stay open, and they are joined along the walls alone.
+//! Walls come first, then the lines of a solid infill, linked with them, then bridges, linked only with each
+//! other so that they keep their own speed and flow, then the lines of a sparse infill: the area between
+//! them is to stay open, and they are joined along the walls only.
 //!
-//! In: walls and lines of a region (mm, rad), where the head is (mm), settings. Out: open passes as
-//! they are printed, before they are optimised.
+//! In: walls and lines of a region (mm, rad), the head's position (mm), settings. Out: open passes
+//! in printing order, before they are optimised.
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

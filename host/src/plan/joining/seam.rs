@@ -1,10 +1,11 @@
-//! Where loops begin and end: anywhere near, aligned along a direction, or in their sharpest corner.
+//! Where loops begin and end: at the nearest point, aligned along a direction, or in their sharpest
+//! corner.
 //!
-//! A chosen seam is fixed before the order is: the loop is opened there, and the order may only
-//! choose the way round. Loops that have no corner keep the nearest place.
+//! A chosen seam is fixed before the order: the loop is opened there, and the order may only choose
+//! the direction. Loops without a corner begin at the nearest point.
 //!
-//! In: a closed pass (mm, rad), the seam that is asked for. Out: the pass opened there. Leaves out:
-//! what follows from it for the order.
+//! In: a closed pass (mm, rad), the requested seam. Out: the pass opened there. Not covered: the
+//! effect on the order.
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;

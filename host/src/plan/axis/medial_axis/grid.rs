@@ -1,11 +1,11 @@
-//! The integer grid that the segment Voronoi works on, and making segments fit for it.
+//! The integer grid of the segment Voronoi diagram, and the preparation of segments for it.
 //!
-//! The diagram is only right for segments that meet at ends alone. Rounding to a grid can make
-//! near ones touch or cross, so they are cut where they do, again and again until nothing does.
+//! The diagram is only correct for segments that meet at their ends only. Rounding to a grid can
+//! make close ones touch or cross, so they are cut there repeatedly until none do.
 //!
 //! In: boundary edges (mm) and an angle (rad). Out: segments in whole grid units of 100 nm that
-//! meet at ends alone, each with its edge's number. Leaves out: what a cut moves, at most a grid
-//! unit.
+//! meet at their ends only, each with its edge's number. Not covered: the displacement by a cut, at
+//! most a grid unit.
 
 use crate::geometry::Point2;
 use crate::geometry::Vector2;

@@ -7,7 +7,7 @@
 //!
 //! Source: H. Blum's medial axis, taken from the segment Voronoi diagram (see `voronoi`); pruned by
 //! object angle and branch length into the *pruned axis* on which passes are planned (see `prune`).
-//! Left out: the exterior axis.
+//! Not covered: the exterior axis.
 
 mod grid;
 mod parabola;

@@ -1,6 +1,6 @@
 //! The curved edges of a segment Voronoi diagram.
 //!
-//! In: a point and an edge (mm). Out: points of the curve that is equally far from both, mm, by
+//! In: a point and an edge (mm). Out: points of the curve that is equidistant from both, mm, by
 //! their abscissa along the edge. Source: G. Voronoi (1908); the closed form of a parabola by focus
 //! and directrix.
 

@@ -1,4 +1,4 @@
-//! From the whole axis to the pruned axis: the part that tells where passes have to meet.
+//! From the complete axis to the pruned axis: the part where passes have to meet.
 //!
 //! 1. Keep the pieces of edges whose object angle is at least a bound: a corner's bisector sees
 //!    its feet under 180° less the corner's angle, so flat corners (and the facets of a flattened

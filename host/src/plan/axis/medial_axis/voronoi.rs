@@ -1,14 +1,14 @@
 //! The medial axis from the segment Voronoi diagram of the boundary.
 //!
 //! The diagram comes from boostvoronoi, which is fast but can be silently wrong. So the outline is
-//! put on a 100 nm grid, turned by an odd angle (axis-parallel combs are its weak spot), and
-//! every vertex and edge it returns is checked against the boundary itself: its distance to its
-//! generators must be its distance to the nearest edge. Where that fails, another angle is tried.
-//! Edges are then rebuilt from their generators in the plane's own coordinates.
+//! put on a 100 nm grid, rotated by an odd angle (axis-parallel combs are its weak spot), and every
+//! returned vertex and edge is checked against the boundary itself: its distance to its generators
+//! must be its distance to the nearest edge. If that fails, another angle is tried. Edges are then
+//! rebuilt from their generators in the plane's own coordinates.
 //!
 //! In: an index of a valid region's edges (mm). Out: the interior axis as vertices and edges with
-//! radii (mm), every vertex checked to a few grid units of 100 nm; or an error where no angle gives
-//! a right one. Leaves out: the diagram outside the region.
+//! radii (mm), every vertex checked to a few grid units of 100 nm; or an error if no angle gives a
+//! correct one. Not covered: the diagram outside the region.
 
 use super::grid::{Grid, GridSegment};
 use super::parabola::Parabola;

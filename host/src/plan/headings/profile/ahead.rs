@@ -1,8 +1,8 @@
-//! What an aperture that touches the wall at a contact may cut, whatever its heading: looked up once
-//! for the many headings that are tried there.
+//! The edges that an aperture in contact with the wall may cut at any heading: found once for the
+//! many headings that are tried there.
 //!
-//! In: contacts, aperture, edges (mm). Out: for each contact the edges that it can meet (mm), or
-//! that there are too many to keep.
+//! In: contacts, aperture, edges (mm). Out: for each contact the edges that it can meet (mm), or a
+//! mark that there are too many to keep.
 
 use super::CUT_SHARE_MAX;
 use crate::geometry::Point2;

@@ -1,8 +1,8 @@
-//! What a run of contacts wants ahead of each of them and behind: a turned aperture touches a wall
-//! there, not where its contact is.
+//! Desired extents before and after each contact of a run: a turned aperture touches a wall there,
+//! not at its contact.
 //!
-//! In: contacts in order with the extents wanted (mm). Out: that extent and the way aside (mm) at
-//! any distance along the run (mm), from tables at even steps.
+//! In: contacts in order with the desired extents (mm). Out: that extent and the lateral offset
+//! (mm) at any distance along the run (mm), from tables at even steps.
 
 use crate::plan::pass::Contact;
 

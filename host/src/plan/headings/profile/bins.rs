@@ -2,7 +2,7 @@
 //!
 //! In: for each contact the cost of each bin (mm²), the cost of a turn between neighbours. Out: a
 //! bin for each contact, and unwrapped headings (rad). Source: A. Viterbi (1967); R. Bellman
-//! (1957). Leaves out: what lies between bins (`refine`).
+//! (1957). Not covered: headings between bins (`refine`).
 
 /// Largest turn from one contact to the next, bins.
 const TURN_BINS_MAX: usize = 12;

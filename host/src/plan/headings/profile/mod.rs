@@ -7,11 +7,11 @@
 //! the cost of turning is lambda dphi² / ds. The best closed or open profile is found exactly over
 //! the bins (Viterbi), then refined between them.
 //!
-//! In: contacts (mm) with extents wanted, the weight of turning (mm²), walls. Out: one placement
+//! In: contacts (mm) with desired extents, the weight of turning (mm²), walls. Out: one placement
 //! for each contact (mm, unwrapped rad), and whether it fits. Why here: the only place where
-//! headings of a bead are chosen. Headings are not taken from F(p) ([`crate::plan::feasible`]): that
-//! knows an aperture that touches the wall exactly, and a bead may stand off it at a price.
-//! Leaves out: time, which the optimiser trades.
+//! headings of a bead are chosen. Headings do not come from F(p) ([`crate::plan::feasible`]): there
+//! the aperture touches the wall exactly, but a bead may keep a distance at a price. Not covered:
+//! time, which the optimiser weighs.
 
 mod ahead;
 mod along;

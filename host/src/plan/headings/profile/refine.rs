@@ -1,7 +1,7 @@
-//! Continuous refinement of a profile that is right to a bin.
+//! Continuous refinement of a profile that is accurate to a bin.
 //!
-//! In: headings (rad) right to a bin. Out: the same, moved to the least cost nearby (mm²). Newton's
-//! method over all together, then one by one.
+//! In: headings (rad), accurate to a bin. Out: the headings moved to the nearest minimum of the
+//! cost (mm²). Newton's method over all together, then one by one.
 
 use super::{BINS, ContactRun, lap_turn};
 use rayon::prelude::*;

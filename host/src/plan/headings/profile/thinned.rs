@@ -1,11 +1,11 @@
-//! Contacts on straight walls thinned out before a profile is found, and its placements filled in
-//! again.
+//! Thins out contacts on straight walls before a profile is found, and fills in the placements
+//! afterwards.
 //!
-//! Along a straight wall whose bead keeps its width, neighbouring contacts say the same: of those,
-//! few are kept, the farther apart the farther away the straight ends. In: contacts. Out: the
-//! numbers of those kept; placements of all contacts from placements of those, each tangent to its
-//! own contact, headings by cubic Hermite interpolation with three-point slopes. Runs on the axis
-//! and fans at corners stay as they are.
+//! Along a straight wall whose bead keeps its width, neighbouring contacts are redundant: few of
+//! them are kept, farther apart the farther they are from the ends of the straight part. In:
+//! contacts. Out: the numbers of those kept; placements of all contacts from placements of those,
+//! each tangent to its own contact, headings by cubic Hermite interpolation with three-point
+//! slopes. Runs on the axis and fans at corners stay as they are.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
