@@ -4,7 +4,7 @@
 //! earlier and later ticks, the common delay removed, in f64; the pose is that of these joints. Also the
 //! distance of the shaped tip from the planned path (from the nearest point of it, not from the planned
 //! position at that time: a shaped head is also a little early or late along the path). Source of the
-//! shapers: [`headway_firmware::steps::shaping`]. Left out: the extruder, which is not shaped.
+//! shapers: [`headway_firmware::steps::shaping`]. Not covered: the extruder, which is not shaped.
 
 use crate::drive::servo_walk::{PlanSample, PlanSamples};
 use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};

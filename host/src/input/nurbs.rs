@@ -4,8 +4,8 @@
 //! The curve is sampled so densely that the C² spline through the samples reproduces it: chords are no
 //! further from it than [`SAG_MM`] and turn by no more than [`TURN_RAD`], which keeps the spline within
 //! some ten nanometres. The tool is upright. Output: mm, input coordinates. Evaluation: C. de Boor, A
-//! Practical Guide to Splines (1978), chapter 10, in homogeneous coordinates. Leaves out surfaces and
-//! curves of a list.
+//! Practical Guide to Splines (1978), chapter 10, in homogeneous coordinates. Not covered: surfaces and
+//! lists of curves.
 
 use super::names::{part_name, shortened};
 use super::waypoints::{PassAsked, WAYPOINTS_MAX, Waypoint, WaypointRun};

@@ -4,8 +4,8 @@
 //! here they become mm from the page's lower left corner with y up, so that a part is printed as
 //! displayed. With a unit given, one user unit of the page (of its viewBox) is that long. Each path
 //! is a shape of its own with its fill rule; colours are ignored. Arcs and circles arrive as cubics
-//! that are within 0.03 % of their radius (usvg); flattening adds at most the stated tolerance.
-//! Leaves out: strokes, text (turn both into paths), images, clips, masks.
+//! that are within 0.03 % of their radius (usvg); flattening adds at most the stated tolerance. Not
+//! covered: strokes, text (turn both into paths), images, clips, masks.
 
 use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};

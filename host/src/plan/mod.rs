@@ -9,9 +9,9 @@
 //!              (mm, rad, mm³)    (integers, ticks)        (%, mm, s)
 //! ```
 //!
-//! A stage imports only from the stages above it in the list below (a test reads the `use` lines),
-//! from `headway_geometry`, `headway_optimiser` and `settings`; none knows a clock, a file or a thread. `pass` holds the nouns
-//! that the stages hand on.
+//! A stage imports only from the stages above it in the list below (a test reads the `use` lines), from
+//! `headway_geometry`, `headway_optimiser` and `settings`; none knows a clock, a file or a thread. `pass` has the
+//! types that the stages hand on.
 
 pub mod pass;
 pub mod pose_limits;

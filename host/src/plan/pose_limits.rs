@@ -1,7 +1,7 @@
-//! What a machine allows a pose in the plane (x, y, heading), and what a move is worth.
+//! The machine's limits for a pose in the plane (x, y, heading), and the value of a move.
 //!
-//! In: the settings. Out: limits of the tip and of the joints that carry x, y and heading, the plan's
-//! share applied; the ground that a move must bring to be worth its time. Leaves out flow and z.
+//! In: the settings. Out: limits of the tip and of the joints of x, y and heading, with the plan's
+//! share applied; the area that a move must cover to be worth its time. Not covered: flow and z.
 
 use crate::geometry::clearance::Configuration;
 use crate::settings::Settings;

@@ -1,10 +1,10 @@
-//! How far planning is, for whoever waits for it.
+//! Progress of planning, for the caller.
 //!
-//! The planner reports to a [`Progress`]; what is done with that (a bar, a log, nothing) is the
-//! caller's. The plan does not depend on it. Stages come in the order of [`Stage`], each from 0 of
-//! its total to all of it; calls follow one another, from whichever thread.
+//! The planner reports to a [`Progress`]; the caller decides how to use it (a bar, a log, nothing).
+//! The plan does not depend on it. Stages come in the order of [`Stage`], each from 0 to its total;
+//! calls are sequential, from any thread.
 //!
-//! In: counts of steps done. Out: calls with a stage, done and total. Leaves out: time.
+//! In: counts of steps done. Out: calls with a stage, done and total. Not covered: time.
 
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};

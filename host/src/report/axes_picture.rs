@@ -1,6 +1,7 @@
 //! Free tool axes as a map of the half sphere, Z in the middle, 90° at the rim.
 //!
-//! In: which axes of a net are free, marked axes. Out: one SVG; distances from the middle are tilts.
+//! In: which axes of a grid are free, marked axes. Out: one SVG; distances from the middle are
+//! tilts.
 
 use super::canvas::white_page;
 use svg::Document;

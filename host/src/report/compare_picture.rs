@@ -1,6 +1,6 @@
 //! Times of several nozzles as bars, and a layer of each below.
 //!
-//! In: labels, seconds, finished pictures. Out: one SVG. The pictures are embedded as they are.
+//! In: labels, seconds, finished pictures. Out: one SVG. The pictures are embedded unchanged.
 
 use super::canvas::white_page;
 use base64::Engine;

@@ -1,4 +1,4 @@
-//! What became of the corners of a run of waypoints, as figures.
+//! Figures on the corners of a run of waypoints.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! The deposited area over the outline: gaps, overlaps and what left the outline, in colour.
+//! The deposited area over the outline: gaps, overlaps and area outside the outline, in colour.
 
 use super::canvas::{Canvas, INK, Swatch};
 use crate::geometry::frame::Frame;

@@ -1,4 +1,4 @@
-//! What became of curved layers, as figures.
+//! Figures on curved layers.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! The rows of the tables of figures: a name, and a value with its unit where it is known.
+//! Rows of the tables of figures: a name, and a value with its unit where it is known.
 
 use super::figures::{CurvedLayerFigures, Figures, KindFigures};
 

@@ -1,7 +1,7 @@
 //! The figures of a job: `plan --json`, `simulate --json` and `report.json`.
 //!
-//! Other programs read these keys; they change only with a version. A figure is absent where it
-//! has no meaning (a plan that was not simulated has no `tip_error_um_max`).
+//! Other programs read these keys; they change only with a version. A figure without a meaning is
+//! absent (a plan that was not simulated has no `tip_error_um_max`).
 
 pub use super::corner_figures::CornerFigures;
 pub use super::curved_layer_figures::CurvedLayerFigures;

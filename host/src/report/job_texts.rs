@@ -1,5 +1,5 @@
-//! What rides along in a job file beside the stream: the settings and the outline, so that a job
-//! can be drawn and checked without its input.
+//! Data in a job file in addition to the stream: the settings and the outline, so that a job can be
+//! drawn and checked without its input.
 
 use crate::geometry::Point2;
 use crate::geometry::polygon::{Region, Ring};

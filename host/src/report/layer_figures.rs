@@ -1,4 +1,4 @@
-//! Figures of layers, of the kinds that they are planned as, and of kinds of bead.
+//! Figures of layers, of layer groups, and of kinds of bead.
 //!
 //! In and out: parts of [`super::figures::Figures`]; mm, mm², mm³, s, per cent.
 

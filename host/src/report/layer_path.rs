@@ -1,12 +1,13 @@
-//! The path of one layer as poses between which it is straight: what the page draws and plays.
+//! The path of one layer as poses connected by straight lines, which the page draws and plays.
 //!
-//! In: a [`SegmentStream`] in machine coordinates, which of its servo ticks. Out: a [`LayerPath`] in the
-//! input's coordinates (mm, rad), a point where it turns, at most so many: place and heading of what lies
-//! between two points are off by at most [`WITHIN_MM`] across the path, measured at the aperture's end, and by
-//! [`ALONG_MM`] along it at any moment. Where that would take too many points, the least of them go first.
+//! In: a [`SegmentStream`] in machine coordinates, a range of its servo ticks. Out: a [`LayerPath`] in the
+//! input's coordinates (mm, rad) with points where the path turns, up to a maximum number: position and
+//! heading between two points are off by at most [`WITHIN_MM`] across the path, measured at the aperture's
+//! end, and by [`ALONG_MM`] along it at any time. Where that would need too many points, the least important
+//! are dropped first.
 //!
 //! Source: Douglas and Peucker, Algorithms for the reduction of the number of points (1973), with the distance
-//! at the same moment of Meratnia and de By (2004) beside that across.
+//! at the same time of Meratnia and de By (2004) in addition to that across.
 
 use super::pose_table::StreamIndex;
 use crate::job::transform::PartTransform;

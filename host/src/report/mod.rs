@@ -1,11 +1,11 @@
-//! What people and programs get to see of a job: figures, pictures, tables.
+//! Output about a job for people and programs: figures, pictures, tables.
 //!
 //! ```text
 //! plain structs (PlanPicture, CoveragePicture, TimePlots, Track, Figures) --> SVG, JSON, CSV, HTML
 //! ```
 //! Input: the stages' results, handed over as plain structs in the input's coordinates (mm).
-//! Output: text. Leaves out files: [`write_report`] returns names and contents, the command writes
-//! them.
+//! Output: text. Not covered: files: [`write_report`] returns names and contents, the command
+//! writes them.
 
 pub mod axes_picture;
 mod canvas;

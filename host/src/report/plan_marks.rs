@@ -1,7 +1,7 @@
-//! What is put on a plan's passes for papers: their direction, their order, colours by a value.
+//! Marks on a plan's passes for papers: their direction, their order, colours by a value.
 //!
-//! In: passes as placements (mm, rad) with speeds (mm/s). Out: paths and words on the canvas. The colours are those of
-//! the report's page, in a few steps that a legend names. Leaves out the rest of the sheet (`plan_picture`).
+//! In: passes as placements (mm, rad) with speeds (mm/s). Out: paths and labels on the canvas. The colours are those
+//! of the report's page, in a few steps that a legend names. Not covered: the rest of the sheet (`plan_picture`).
 
 use super::canvas::{Canvas, INK, Swatch};
 use super::plan_picture::{PicturePass, PlanPicture};

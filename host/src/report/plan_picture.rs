@@ -1,5 +1,5 @@
-//! The plan as the method's figures show it: outline, medial axis, passes in two zones, nozzle
-//! outlines at their headings, interruptions.
+//! The plan in the style of the published method's figures: outline, medial axis, passes in two
+//! zones, nozzle outlines at their headings, interruptions.
 
 use super::canvas::{Canvas, FAINT, INK, Swatch};
 use super::plan_marks::{Colouring, draw_marks, draw_values, mark_legend, value_legend};

@@ -1,4 +1,4 @@
-//! Curves over time in stacked panels: thinned to what a pixel can show, nothing lost in between.
+//! Curves over time in stacked panels: thinned to the pixels' resolution without losing extremes.
 
 use super::canvas::{FAINT, INK, round_length_mm, white_page};
 use crate::job::MotionState;

@@ -1,8 +1,8 @@
-//! The poses of a stream as CSV, and the samples that other tables and plots are made of.
+//! The poses of a stream as CSV, and the samples for other tables and plots.
 //!
 //! Input: a [`SegmentStream`] in machine coordinates. Output: rows in the input's coordinates, at
-//! even steps of segment time, evaluated in double precision from the same spans that the
-//! controller runs.
+//! even steps of segment time, evaluated in double precision from the spans that the controller
+//! executes.
 
 use crate::job::transform::PartTransform;
 use crate::job::{Mark, MotionState, SegmentStream};

@@ -1,7 +1,8 @@
 //! A path in space with its tool axes, seen from above at a slant.
 //!
-//! In: places of the tip (mm, input coordinates), tool axes, whether flow is on. Out: SVG. Parallel
-//! projection: X to the lower right, Y to the upper right, Z up. Leaves out what hides what.
+//! In: positions of the tip (mm, input coordinates), tool axes, whether flow is on. Out: SVG.
+//! Parallel projection: X to the lower right, Y to the upper right, Z up. Not covered: hidden
+//! lines.
 
 use super::canvas::{Canvas, INK, Swatch};
 use crate::geometry::Point2;

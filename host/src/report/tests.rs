@@ -1,5 +1,5 @@
-//! Goal: pictures are well-formed SVG that shows what it was given; tables have the contract's
-//! columns. Method: small made-up plans, read back as XML or numbers.
+//! Goal: pictures are well-formed SVG with the given contents; tables have the specified columns.
+//! Method: small invented plans, read back as XML or numbers.
 
 use super::*;
 use crate::geometry::Point2;

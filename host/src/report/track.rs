@@ -1,9 +1,9 @@
-//! The motion of one layer as columns of samples: what the page plays, colours and plots.
+//! The motion of one layer as columns of samples, which the page plays, colours and plots.
 //!
-//! In: a [`SegmentStream`] in machine coordinates, which of its servo ticks, settings. Out: a
-//! [`Track`] at even steps of time, at most so many samples; mm/s, mm³/s, joint speeds in per cent of their
-//! limits. Leaves out what lies between two samples, which the page says, and places and headings, which are
-//! [`super::layer_path`]'s.
+//! In: a [`SegmentStream`] in machine coordinates, a range of its servo ticks, settings. Out: a [`Track`] at
+//! even steps of time, up to a maximum number of samples; mm/s, mm³/s, joint speeds in per cent of their
+//! limits. Not covered: values between two samples, as the page notes, and positions and headings
+//! ([`super::layer_path`]).
 
 use super::pose_table::{StreamIndex, StreamSample};
 use crate::job::{MotionState, SegmentStream};

@@ -1,8 +1,8 @@
-//! The figures in a few lines of plain words: the first thing that is said of a job, and the last.
+//! The figures in a few lines of plain words: the beginning and the end of every report on a job.
 //!
-//! In: [`Figures`], and reasons that no figure holds. Out: lines in one order, on terminal, page and in
-//! `--json`: every reason not to start the job, then how long it takes and against what, how much material, how
-//! exact the steps are, what limits it, what stays open. What is not known is not spoken of.
+//! In: [`Figures`], and reasons that are not in a figure. Out: lines in a fixed order, on terminal, page and in
+//! `--json`: every reason not to start the job, then its time and the comparison, material, accuracy of the
+//! steps, what limits it, what stays uncovered. Unknown values are omitted.
 
 use crate::report::figures::{Figures, VerdictFigures};
 

@@ -1,4 +1,4 @@
-//! What the figures hold of the verdict: its lines, and the time with another nozzle.
+//! The verdict within the figures: its lines, and the time with another nozzle.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Texts for people: numbers without needless digits, names that come near a misspelt one.
+//! Texts for people: numbers without needless digits, known names close to a misspelt one.
 
 pub mod near_name;
 pub mod short_number;

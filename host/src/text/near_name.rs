@@ -1,8 +1,8 @@
-//! Misspelt names: which known one is meant.
+//! Misspelt names: finds the known one that is meant.
 //!
 //! Files that people write may carry keys of their own, but one that looks like a known key is most
-//! likely that key: passed over, it would be a hole that is not there or an inch taken for a
-//! millimetre. Distance: Damerau-Levenshtein, letters in either case.
+//! likely that key: if it were ignored, a hole would be missing or an inch read as a millimetre.
+//! Distance: Damerau-Levenshtein, ignoring case.
 
 /// Known names shorter than this are near within one edit, others within two: of five letters two
 /// make another word (`notes`, `holes`).

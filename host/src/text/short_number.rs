@@ -1,4 +1,4 @@
-//! Numbers in messages: as people write them, and no longer than that.
+//! Numbers in messages, as people write them: no longer than needed.
 
 use std::fmt;
 

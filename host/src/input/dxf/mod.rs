@@ -6,7 +6,7 @@
 //! ```
 //! Nesting follows the even-odd rule: a contour in another one is a hole, one in a hole an island. In:
 //! ASCII DXF, unit by `$INSUNITS` (mm where it gives none) or `--units`. Out: contours, mm before
-//! `--scale`, and notes. Leaves out blocks, hatches, texts, dimensions, solids, and binary DXF.
+//! `--scale`, and notes. Not covered: blocks, hatches, texts, dimensions, solids, and binary DXF.
 
 mod curves;
 mod join;

@@ -5,8 +5,8 @@
 //! neither line numbers nor hidden layers. Only complete records with finite numbers are handed on,
 //! each with its first line's number. In: bytes, chosen layers. Out: pairs as text, in the file's
 //! unit.
-//! Source: AutoCAD DXF reference, "Group code value types". Leaves out blocks, objects and tables other
-//! than that of the layers.
+//! Source: AutoCAD DXF reference, "Group code value types". Not covered: blocks, objects and tables
+//! other than that of the layers.
 
 use super::syntax;
 use crate::input::InputError;

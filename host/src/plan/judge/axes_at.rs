@@ -1,4 +1,5 @@
-//! F(p) for tool axes at one place and time of a job: which are free, and the nearest to the one that it has.
+//! F(p) for tool axes at one point and time of a job: which are free, and which free one is nearest to the
+//! planned axis.
 //!
 //! In: the poses of a job in order (mm, rad, machine coordinates), a tip and a time, the head's shape. Out: the caps that
 //! a search for the nearest free axis met, that axis, and a map of all axes within 90° of Z.

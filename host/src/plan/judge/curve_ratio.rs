@@ -1,9 +1,9 @@
-//! How much more a bead gets on the outside of a curve than on the inside.
+//! The ratio of deposited material on the outside of a curve to that on the inside.
 //!
-//! In: the finished stream, the settings. Out: the worst ratio with its place, and the path above the bound that is
-//! asked for. With the bead's width w across the path and the path's radius R the ratio is
-//! (R + w/2) / (R - w/2) (Liu et al., 2020, for concrete: tears from 1.20 on). Left out: what the nozzle's own turn
-//! does to the edges, and tilted tools, whose path is seen from above.
+//! In: the finished stream, the settings. Out: the worst ratio with its place, and the length of path above the
+//! requested bound. With the bead's width w across the path and the path's radius R the ratio is (R + w/2) / (R -
+//! w/2) (Liu et al., 2020, for concrete: tears from 1.20 on). Not covered: the effect of the nozzle's own
+//! rotation on the edges, and tilted tools, whose path is projected from above.
 
 use crate::geometry::Vector2;
 use crate::job::{MotionState, SegmentStream};

@@ -1,6 +1,6 @@
-//! What a plan is judged on, as numbers; [`super::measure`] finds them.
+//! The figures by which a plan is judged; [`super::measure`] finds them.
 //!
-//! In: what was swept of each printing of a region, mm². Out: shares in per cent, depths in µm.
+//! In: swept areas of each printing of a region, mm². Out: shares in per cent, depths in µm.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,10 +1,12 @@
-//! What the poses of a stream cover of curved ground: a raster on each layer, areas as they are there.
+//! The area that the poses of a stream cover on a curved surface: a raster on each layer, with true
+//! areas.
 //!
 //! In: the stream (machine coordinates), the chart with the regions in it (mm). Out: [`Swept`] of each layer, and its
-//! open places. A cell is a place of the chart with its point on the layer's top and its area there; it is covered when that
-//! point, seen along the tool axis of a pose, lies in the aperture, and laid twice by the same rule as in the plane
-//! ([`crate::geometry::coverage`]). How deep the aperture leaves the regions is measured by points of its outline, brought to
-//! the ground. Leaves out skirts, and what no placement covers: all of the regions counts as within reach.
+//! uncovered places. A cell is a place of the chart with its point on the layer's top and its area there; it is
+//! covered if that point, seen along the tool axis of a pose, is in the aperture, and covered twice by the same rule
+//! as in the plane ([`crate::geometry::coverage`]). The depth of the aperture outside the regions is measured at
+//! points of its outline, projected onto the surface. Not covered: skirts, and unreachable area: all of the regions
+//! counts as reachable.
 
 use super::figures::Swept;
 use crate::geometry::aperture::Aperture;

@@ -1,9 +1,8 @@
-//! What a plan is judged on, measured on the finished segments: coverage, overlap, outside depth,
-//! lengths and times.
+//! Measures the finished segments: coverage, overlap, outside depth, lengths and times.
 //!
-//! Input: the stream (machine coordinates), the regions' contours and which region each pass
-//! belongs to. The poses are the quantised spline's own, sampled so finely that the raster does
-//! not see the sampling.
+//! Input: the stream (machine coordinates), the regions' contours and the region of each pass. The
+//! poses are those of the quantised spline, sampled so finely that the sampling does not show on
+//! the raster.
 
 use super::region_raster::RegionRaster;
 use crate::geometry::aperture::Aperture;

@@ -1,4 +1,4 @@
-//! Judge: what a plan is worth, measured on the finished segments.
+//! Judge: the quality of a plan, measured on the finished segments.
 //!
 //! ```text
 //! SegmentStream, Contour --measure--> Swept, RegionRaster --figures--> PlanFigures

@@ -1,7 +1,7 @@
-//! The raster of one printing of a region: what was swept of it, and of the ground for infill lines.
+//! The raster of one printing of a region: its swept area, and that of the infill lines' area.
 //!
 //! In: poses of the finished curve (mm, rad), a region. Out: areas swept once and more often, mm²,
-//! by cells of 5 to 20 µm where that fits six million.
+//! on cells of 5 to 20 µm, or larger ones if these would be more than six million.
 
 use crate::geometry::coverage::{Cell, Coverage};
 use crate::geometry::edge_index::EdgeIndex;

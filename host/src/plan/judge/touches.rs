@@ -1,14 +1,14 @@
-//! Touches of nozzle and head with the table, with what is printed already, and with what stands there.
+//! Collisions of nozzle and head with the table, with earlier print, and with obstacles.
 //!
-//! In: the route (mm, rad, machine coordinates), the head's profile, the table's height. Out: the deepest
-//! touch of each kind with its place, and how much of the path touches. Looked at in the part's frame:
-//! where the table turns, the bed turns with the part. The table is a plane; what is printed is the path of
-//! the tip with flow up to then, half the bead's width to its sides ([`stations`]). Every station is looked at, and
-//! the path between two of them is halved until the motion from its middle to its ends cannot touch. Leaves out
-//! the machine's frame and arms.
+//! In: the route (mm, rad, machine coordinates), the head's profile, the table's height. Out: the deepest collision
+//! of each kind with its place, and the length of path with collisions. The check uses the part's frame: where the
+//! table turns, the bed turns with the part. The table is a plane; earlier print is the path of the tip with flow
+//! up to then, half the bead's width to its sides ([`stations`]). Every station is checked, and the path between
+//! two of them is halved until the motion from its middle to its ends cannot collide. Not covered: the machine's
+//! frame and arms.
 //!
-//! What is printed and no higher above the tip's plane than the tip's slack is under the flat end: how far that dips
-//! is a figure of its own.
+//! Earlier print that is no higher above the tip's plane than the tip's slack is under the flat end: the depth to
+//! which that end dips is a separate figure.
 
 pub mod stations;
 

@@ -1,10 +1,11 @@
-//! What spans open space and is held at two ends: where a layer is bridged, and in which direction.
+//! Bridges of a layer: areas over open space that are held at two ends, and the direction of their
+//! lines.
 //!
-//! Input: the outlines of a layer and of the one below (mm, input coordinates). Output: [`Bridge`]s, ground with
-//! the direction of its lines: that in which most of the ground lies between two anchors, of those that are as
-//! good the one whose longest span is the shortest. Tried are the directions of the ground's own edges and across them,
-//! which are exact, and a fan of all. Leaves out what is held at one end only (it hangs, and is told), and walls
-//! over open space.
+//! Input: the outlines of a layer and of the one below (mm, input coordinates). Output: [`Bridge`]s, areas with the
+//! direction of their lines: the one in which most of the area is between two anchors, and of equally good ones the
+//! one whose longest span is the shortest. The directions of the area's own edges and across them, which are exact,
+//! and an even fan are tried. Not covered: areas that are held at one end only (overhangs, which are reported), and
+//! walls over open space.
 
 use crate::geometry::boolean::{difference, filled, grown, intersection};
 use crate::geometry::edge_index::EdgeIndex;

@@ -1,9 +1,9 @@
-//! Solid ground over an inside that is all but empty: a roof over nothing.
+//! Solid layers over an almost empty interior: roofs.
 //!
-//! The layer below has walls and solid ground there; between the lines of an infill as sparse as this it has
-//! nothing that a bead rests on. Input: the outlines of all layers (mm, input coordinates) and the infill. Output: of
-//! a layer what is solid, and of the one below what carries it; bridges and overhangs are found between
-//! the two as between outlines. Leaves out the sparse lines, which carry a bridge as it passes over them.
+//! The layer below has walls and solid areas; between the lines of such a sparse infill it has nothing that supports
+//! a bead. Input: the outlines of all layers (mm, input coordinates) and the infill. Output: the solid area of a
+//! layer, and the supporting area of the one below; bridges and overhangs are found between the two as between
+//! outlines. Not covered: the sparse lines, which support a bridge where it crosses them.
 
 use crate::geometry::Point2;
 use crate::geometry::boolean::{difference, grown, intersection};

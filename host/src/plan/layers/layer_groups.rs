@@ -1,12 +1,12 @@
-//! The layers of a job: which are alike, and how each one's regions are printed.
+//! The layers of a job: which are identical, and how each one's regions are printed.
 //!
-//! Of a prism every layer has the same outline, of a part that changes its own. Layers of the same
-//! outline with the same lines inside are planned once ([`LayerGroup`]); what differs from
-//! one to the next is its height, the order of its regions and which way round each is printed,
-//! begun near the place where the head is ([`RegionPrint`]).
+//! In a prism every layer has the same outline, in other parts each its own. Layers of the same
+//! outline with the same lines inside are planned once ([`LayerGroup`]); they differ only in their
+//! height, the order of their regions and the direction of each, begun near the head's position
+//! ([`RegionPrint`]).
 //!
-//! Input: the regions with their axes. Output: kinds, printings, and the curves of the whole job in
-//! machine coordinates. The same curve is kept once, however many layers print it.
+//! Input: the regions with their axes. Output: groups, printings, and the curves of the complete
+//! job in machine coordinates. A curve is stored once, however many layers print it.
 
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;

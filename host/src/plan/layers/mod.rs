@@ -1,4 +1,4 @@
-//! Layers: regions planned one by one, put together to the layers of a job.
+//! Layers: regions planned one by one, combined into the layers of a job.
 //!
 //! ```text
 //! Contour --region_plan--> RegionPlan --layer_groups--> LayerGroup, RegionPrint, PlanePass
@@ -9,7 +9,7 @@
 //! outlines --shells--> ground that lies open above or below, overhangs
 //! ```
 //!
-//! Leaves out: which layers there are (`layer_stack`, `part_plan`), supports.
+//! Not covered: the choice of layers (`layer_stack`, `part_plan`), supports.
 
 pub mod bridge_ground;
 pub mod hollow;

@@ -1,8 +1,8 @@
-//! The passes of a region handed to the optimiser and taken back as the curves that are printed.
+//! Hands the passes of a region to the optimiser, and turns its result into the printed curves.
 //!
 //! In: passes in printing order (mm, rad), the walls, the settings. Out: for each pass the control points of its
-//! curve, inside the walls; `None` where the optimiser does not apply (lines of a sparse infill and bridges) or where
-//! what it made is not inside: such a pass becomes a curve as it is, by [`crate::plan::curve::layer_path`].
+//! curve, inside the walls; `None` if the optimiser does not apply (lines of a sparse infill and bridges) or its
+//! result is not inside: such a pass becomes a curve unchanged, by [`crate::plan::curve::layer_path`].
 
 use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::{Edge, EdgeIndex};

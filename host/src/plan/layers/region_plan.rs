@@ -1,8 +1,8 @@
 //! One region of a layer: axis, passes, printing order.
 //!
-//! All of it happens in the region's own frame ([`Frame`]), so that the same region turned or
-//! mirrored comes out the same. Passes stay there until they are curves; what else leaves this file
-//! is about the contour's local origin again. Input: a [`Contour`]. Output: a [`RegionPlan`].
+//! All of it is done in the region's own frame ([`Frame`]), so that the same region rotated or
+//! mirrored gets the same plan. Passes stay in that frame until they are curves; other results are
+//! relative to the contour's local origin again. Input: a [`Contour`]. Output: a [`RegionPlan`].
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

@@ -1,8 +1,9 @@
-//! What of each layer lies open above or below: it is filled, however sparse the inside is.
+//! Areas of each layer that are exposed above or below: they are solid, however sparse the infill
+//! is.
 //!
-//! Input: the outlines of all layers of a part, upwards (mm, input coordinates). Output: of a layer
-//! the ground that one of the next few layers above or below does not have, as overlapping
-//! regions; and what hangs over nothing. The planner takes from it what lies inside the walls.
+//! Input: the outlines of all layers of a part, upwards (mm, input coordinates). Output: the area
+//! of a layer that one of the next few layers above or below does not have, as overlapping regions;
+//! and overhangs. The planner uses the part inside the walls.
 
 use crate::geometry::Point2;
 use crate::geometry::boolean::{difference, grown};

@@ -1,9 +1,9 @@
 //! Skirts and brims: loops around the part, printed before it.
 //!
-//! Loop i lies against the level curve of the outside distance that the loops inside it are to
-//! fill: the outline of the part grown by that distance. Such curves end at the exterior medial
-//! axis, so they cannot cross themselves. Contacts along a curve get a heading profile like any
-//! wall, the widest bead wherever what lies opposite leaves space, so the loops tile.
+//! Loop i touches the level curve of the outside distance that the loops inside it are to fill: the
+//! outline of the part grown by that distance. Such curves end at the exterior medial axis, so they
+//! cannot cross themselves. Contacts along a curve get a heading profile like any wall, with the
+//! widest bead wherever the opposite side leaves space, so the loops fit together.
 //!
 //! Input: the target's regions (mm, input coordinates). Output: passes about a local origin, in
 //! printing order, the outermost loop first. A brim follows every level curve, a skirt the outer

@@ -1,10 +1,10 @@
-//! Where on the table a run is reached and takes least time (`--place best`).
+//! The position on the table where a run of waypoints is reachable and takes the least time
+//! (`--place best`).
 //!
-//! In: the passes at one place (mm, rad, machine coordinates) and how far they may be moved. Out: by how
-//! much they are moved. Places on an even grid are tried, the one in the middle among them; each is
-//! followed in every joint solution, as planning follows it. Where none is reached turns of the part are
-//! tried, to tell which one helps: turning it is the user's (`--turn`). Leaves out heights: the part stands on
-//! the bed.
+//! In: the passes at one place (mm, rad, machine coordinates) and how far they may be moved. Out: their
+//! displacement. Positions on an even grid are tried, including the middle; each is followed in every joint
+//! solution, as in planning. If none is reachable, rotations of the part are tried, to report one that helps:
+//! the user applies it (`--turn`). Not covered: heights, since the part is on the bed.
 
 use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};

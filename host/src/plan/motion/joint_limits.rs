@@ -1,6 +1,6 @@
 //! Limits of joints, tip, flow and extruder, and the motion of the joints under a path.
 //!
-//! In: the settings; motion of the channels by any parameter. Out: the limits that bind a move
+//! In: the settings; motion of the channels by any parameter. Out: the limits that apply to a move
 //! (the plan's share of the machine's), joint motion by the same parameter.
 
 use crate::job::MotionState;

@@ -1,11 +1,11 @@
-//! Which joint solution a route is run in, and the turns of the joints where each move begins.
+//! The joint solution of a route, and the turns of the joints at the start of each move.
 //!
 //! In: the route and the machine. Out: the machine in the solution that is fastest by its joints'
-//! speeds, and for every move the joints' turns at its start. The joints are followed along the whole
-//! route, as the controller will follow them: a solution that leaves a range, or in which a joint would
-//! have to jump, falls out; where all do, the error is that of the one that came furthest. Between two
-//! solutions there is a singular pose, so that a route keeps to one; a change between two passes would
-//! cost a stop and is left out.
+//! speeds, and for every move the joints' turns at its start. The joints are followed along the
+//! complete route, as the controller will follow them: a solution that leaves a range, or in which a
+//! joint would have to jump, is rejected; if all are, the error is that of the one that came furthest.
+//! Between two solutions there is a singular pose, so a route keeps to one; a change between two passes
+//! would cost a stop and is not considered.
 
 use crate::plan::motion::joint_limits::{MotionLimits, check_range, tip_mm};
 use crate::plan::motion::motion_error::MotionError;

@@ -1,18 +1,19 @@
-//! Passes that go through the pole of a tilting table are cut there: lift, turn the table, go on.
+//! Cuts passes that go through the pole of a tilting table: lift, turn the table, continue.
 //!
-//! Straight up the turn of the table is free; a path through that direction would ask it to jump by as much
-//! as the tilt changes its direction. Where neither slowing nor a tilt within the tolerance gets past
-//! ([`super::singular`]), the pass ends there and another begins at the same place. Both keep the direction
-//! of their tilt up to it, no nearer to the pole than `BESIDE_RAD`, so that nothing turns while the tip
-//! comes close; between them the head is lifted and the table turns.
+//! At a vertical axis the table's angle is free; a path through that direction would require it to jump by
+//! as much as the tilt changes its direction. If neither slowing nor a tilt within the tolerance avoids
+//! that ([`super::singular`]), the pass ends there and another begins at the same position. Both keep the
+//! direction of their tilt up to that point, no nearer to the pole than `BESIDE_RAD`, so that nothing turns
+//! while the tip approaches; between them the head is lifted and the table turns.
 //!
 //! ```text
 //! tilt (rad):      ... ──●──●──●▸ lift, turn ◂●──●──●── ...    within NEAR_RAD of the pole: cut
 //! ```
-//! In: passes (mm, rad, machine coordinates). Out: the passes cut, and which part of which curve each of
-//! their curves is. A curve that is cut is parted into finer spans first (`DOUBLINGS`), which changes
-//! nothing of it; its ends there differ from it by a 96th of the bow over such a span. A pass that begins
-//! or ends at the pole is not cut. Arms are left out: their wrist lines up in another direction at each place.
+//! In: passes (mm, rad, machine coordinates). Out: the cut passes, and the curve and part of it that each of
+//! their curves comes from. A curve is divided into finer spans before it is cut (`DOUBLINGS`), which does not
+//! change it; its ends at the cut differ from it by a 96th of the sagitta over such a span. A pass that begins
+//! or ends at the pole is not cut. Not covered: arms, whose wrist is singular in another direction at each
+//! position.
 
 use crate::plan::motion::singular::Passes;
 use crate::plan::route::moves::{PathCurve, tilt};

@@ -1,12 +1,12 @@
-//! Motion: the route in time, within every limit, as the segments that are sent.
+//! Motion: the route over time, within every limit, as the segments that are sent.
 //!
 //! ```text
 //! Route --path_samples, joint_limits--> PathSample --time_law--> u at every servo tick
 //! (mm, rad, mm³)                        (per joint)   --segments--> SegmentStream (integers, ticks)
 //! ```
 //!
-//! Limits are checked on the quantised segments, in joint space. Leaves out: the checks of what the
-//! steps really did (`drive`).
+//! Limits are checked on the quantised segments, in joint space. Not covered: the checks of the
+//! executed steps (`drive`).
 
 pub mod best_place;
 pub mod joint_limits;

@@ -1,6 +1,6 @@
-//! Why a route cannot be turned into motion, and what to do.
+//! Why a route cannot be turned into motion, with a remedy.
 //!
-//! In: what a check found, with the place. Out: [`MotionError`], whose text names both.
+//! In: the result of a check, with the place. Out: [`MotionError`], whose text names both.
 
 use crate::plan::progress::Stopped;
 use crate::text::short_number::told_apart;

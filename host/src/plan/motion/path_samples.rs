@@ -2,8 +2,8 @@
 //!
 //! In: a [`PathCurve`], the limits. Out: at each sample, by path parameter u, the bounds of u̇ and of
 //! |a ü + b x| <= c with x = u̇² (Bobrow, Dubowsky, Gibson 1985), in joint space, for the tip, for
-//! the flow and for the extruder.
-//! Left out: the part of the jerk that comes from changes of ü (the smoothing window keeps it).
+//! the flow and for the extruder. Not covered: the part of the jerk that comes from changes of ü
+//! (the smoothing window limits it).
 
 use crate::plan::motion::joint_limits::{MotionLimits, check_range, joint_point, tip_mm};
 use crate::plan::motion::motion_error::MotionError;

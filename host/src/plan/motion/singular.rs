@@ -1,21 +1,21 @@
-//! Places where two rotary axes line up: the path leads past them, or is slowed.
+//! Singular directions, where two rotary axes line up: the path leads past them, or is slowed.
 //!
-//! In a direction of the tool that is singular (straight up on a turning table, along the forearm of an
-//! arm, along X on a gantry) one joint is free, and beside it that joint turns far for little. Passing it
-//! at a distance only costs time: the time law slows the path. Passing through it asks for a jump, and
-//! what begins or ends in it has no joint of its own there. In: the passes of a run (mm, rad, machine
-//! coordinates), and by how much the tool axis may be off (`--axis-tolerance`). Out: the passes led past,
-//! and the joint solution for it.
+//! In a singular direction of the tool (straight up on a turning table, along the forearm of an arm,
+//! along X on a gantry) one joint is free, and near it that joint turns far for a small change. Passing
+//! it at a distance only costs time: the time law slows the path. Passing through it requires a jump, and
+//! the joint is undefined at an end in that direction. In: the passes of a run (mm, rad, machine
+//! coordinates), and the permitted deviation of the tool axis (`--axis-tolerance`). Out: the passes led
+//! past it, and their joint solution.
 //!
 //! ```text
 //! tool axis about the singular direction (rad):   path through        led past it
 //!                                               ─────────x─────────   ──────╮_╭──────
 //! ```
 //! Near the singular direction a vector of the tolerance's length is added to the tilt relative to it; it
-//! begins along the tilt where the path comes in and turns to the tilt where it goes out, so that the sum
-//! never vanishes. It grows and turns by quintic steps over `RAMP_MM` on either side: the curve stays
-//! C² and needs no finer spans. Where neither slowing nor leading past is enough, and the caller can have
-//! more passes, the head lifts off there ([`super::lift_off`]).
+//! begins along the tilt where the path enters and turns to the tilt where it leaves, so that the sum
+//! never vanishes. It grows and turns by quintic steps over `RAMP_MM` on either side: the curve stays C²
+//! and needs no finer spans. If neither slowing nor leading past is enough, and the caller permits more
+//! passes, the head lifts off there ([`super::lift_off`]).
 
 use crate::plan::motion::joint_turns::{fastest, follow};
 use crate::plan::motion::lift_off::{Cuts, cut_at_the_pole};

@@ -1,10 +1,10 @@
-//! Where an aperture that covers a place may stand at all: a coarse grid of clearances.
+//! Where an aperture that covers a point can be placed at all: a coarse grid of clearances.
 //!
 //! Every aperture holds a disk about its centre, an ellipse also smaller ones along its major axis;
-//! all of them must be clear of the boundary. The clearance of a cell is that of its middle and at
-//! most what the cell rounds off, so a "no" from here is certain and a "yes" says nothing.
+//! all of them must be clear of the boundary. The clearance of a cell is that of its middle plus
+//! the largest error of the cell, so a "no" is certain and a "yes" is not.
 //!
-//! In: aperture, places, an index of edges (mm). Out: centres (mm) that are not ruled out, and
+//! In: aperture, points, an index of edges (mm). Out: centres (mm) that are not ruled out, and
 //! whether a heading (rad) is.
 
 use crate::geometry::aperture::Aperture;

@@ -1,12 +1,12 @@
-//! Cleans an input region into the contour that the planner works on.
+//! Cleans an input region: the result is the contour that the planner uses.
 //!
 //! Input: a valid region, mm, anywhere. Output: the same region about a local origin (its box
-//! centre), so that a part far from the machine's zero loses no digits, with repeated and
-//! needless points gone and the rings oriented (inside on the left). A point is needless where the
+//! centre), so that a part far from the machine's zero loses no digits, without repeated and
+//! needless points and with oriented rings (inside on the left). A point is needless where the
 //! chord that replaces it and its dropped neighbours passes within `tolerance_mm` of each: the
-//! boundary moves by no more than that, to either side. Noise larger than the tolerance stays: what
-//! no part of the aperture can enter is cut off next (`trimmed_outline`), what else it would do to
-//! the passes is dealt with where the medial axis is pruned and normals smoothed.
+//! boundary moves by no more than that, to either side. Noise larger than the tolerance stays:
+//! detail that no part of the aperture can enter is cut off next (`trimmed_outline`), and the rest
+//! is handled where the medial axis is pruned and normals are smoothed.
 
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::{Frame, ON_LINE_MM};

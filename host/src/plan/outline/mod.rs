@@ -1,4 +1,4 @@
-//! Outline: what of the input can be printed, before anything is planned on it.
+//! Outline: the printable part of the input, before anything is planned on it.
 //!
 //! ```text
 //! Region --contour--> Contour --trimmed_outline--> Region --unreachable--> boundary runs
@@ -7,7 +7,7 @@
 //! ```
 //!
 //! `reachable` counts the cells of a raster that some feasible aperture covers, on a grid of
-//! clearances. Leaves out: mending of invalid input (`geometry::repair`) and keep-outs (`route`).
+//! clearances. Not covered: repair of invalid input (`geometry::repair`) and keep-outs (`route`).
 
 pub mod clearance_grid;
 pub mod contour;

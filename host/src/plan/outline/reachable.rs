@@ -1,20 +1,21 @@
 //! Can any placed aperture inside the region cover a point?
 //!
 //! For a heading phi, in the frame that makes the aperture a unit disk, the question is whether the
-//! point lies within 1 of a centre whose distance to the boundary is at least 1. From the point
-//! itself the centre is pushed away from the nearest boundary and pulled back to the point, in turn
-//! (alternating projections), for headings all round and then more finely around the best ones.
-//! Apertures that are no ellipse are pushed and pulled in the plane itself, by their distances.
+//! point is within 1 of a centre whose distance to the boundary is at least 1. Starting at the
+//! point, the centre is alternately pushed away from the nearest boundary and pulled back to the
+//! point (alternating projections), for headings all round and then more finely around the best
+//! ones. Apertures other than ellipses are pushed and pulled in the plane itself, by their
+//! distances.
 //!
 //! Time is bounded by 24 headings and 30 finer ones from five starts, 24 projections each, over the
-//! edges within an aperture's length; boxes about edges and [`ClearanceGrid`] keep most of that
-//! from being done.
+//! edges within an aperture's length; bounding boxes of edges and [`ClearanceGrid`] avoid most of
+//! that.
 //!
-//! A search, not a proof: an answer "yes" comes with its placement, which is inside to
-//! [`SLACK`]; a "no" can be wrong by a sliver (tests against brute force say how thin: a few µm
-//! next to the true edge of what is reachable).
+//! This is a search, not a proof: an answer "yes" comes with its placement, which is inside to
+//! [`SLACK`]; a "no" can be wrong by a sliver (by tests against brute force, a few µm next to the
+//! true edge of the reachable area).
 //!
-//! In: aperture, a point, an index of edges (mm). Out: a placement (mm, rad) or none.
+//! In: aperture, a point, an index of edges (mm). Out: a placement (mm, rad) or `None`.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

@@ -1,28 +1,27 @@
-//! The outline that passes are planned on: detail that no part of the aperture can enter, such as
-//! the teeth of a scan, is cut off inwards.
+//! The outline for planning passes: detail that no part of the aperture can enter, such as the
+//! teeth of a scan, is cut off inwards.
 //!
 //! Input: a valid region about its local origin, mm, inside on the left; the aperture. Output: a
 //! valid region inside it, its points some of the input's.
 //!
 //! The aperture is a union of disks as large as its least radius of curvature rho (Blaschke). Such
-//! a disk reaches no farther past a chord of length c, its ends on the outline, than the sagitta
-//! rho - sqrt(rho² - c²/4). So convex points are cut off one after the other (ears), those first
-//! that take least ground, while
+//! a disk reaches no farther past a chord of length c with its ends on the outline than the sagitta
+//! rho - sqrt(rho² - c²/4). So convex points are cut off one after another (ears), in the order of
+//! increasing area, while
 //!
-//! - the chord's sagitta is at most [`REACH_LOST`]; the ear's sides are at most `SIDE_CHORDS`
-//!   such chords, so that it is looked through in bounded time;
-//! - no other point lies in the ear: the rings stay simple and apart;
-//! - what one edge has cut off a disk is at most half of it: no disk has its larger part behind it.
-//!   An ear's lines along its chord are no longer than that, so a disk has at most the chord times
-//!   its own width in it: a deep tooth counts for no more than a shallow one.
+//! - the chord's sagitta is at most [`REACH_LOST`]; the ear's sides are at most `SIDE_CHORDS` such
+//!   chords, so that it is searched in bounded time;
+//! - no other point is in the ear: the rings stay simple and separate;
+//! - one edge has cut at most half off a disk: no disk has its larger part beyond the edge. An
+//!   ear's lines along its chord are no longer than the chord, so the part of a disk in it is at
+//!   most the chord times the disk's width: a deep tooth counts no more than a shallow one.
 //!
-//! A placement whose clearance to the given outline is [`REACH_LOST`] or more therefore lies
-//! inside the hull, and one inside the outline leaves the hull by no more than that. What is cut
-//! off and farther than that from the hull is reached by no placement. Time is n log n. With sharp
-//! corners (rho = 0) everything stays. Where a ring begins matters for equal ears in one place
-//! only.
+//! A placement whose clearance to the given outline is [`REACH_LOST`] or more is therefore inside
+//! the hull, and one inside the outline leaves the hull by no more than that. No placement reaches
+//! a cut-off area that is farther than that from the hull. Time is n log n. With sharp corners (rho
+//! = 0) nothing is cut off. The start of a ring only matters for equal ears at one place.
 //!
-//! What a plan is judged on is measured on the outline as given.
+//! The figures of a plan are measured on the outline as given.
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

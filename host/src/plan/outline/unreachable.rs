@@ -1,9 +1,8 @@
 //! Boundary that no placement inside can touch: F(p) is empty there (docs/design/heading-law.md).
 //!
-//! Input: a region about its local origin, its edge index, the aperture. Output: runs of boundary
-//! with their length. Each edge is looked at in pieces of about half the minor semi-axis, and the
-//! ends of a run are found by bisection to `END`, of the aperture's unit; a run shorter than a piece that lies inside
-//! one is not seen.
+//! Input: a region about its local origin, its edge index, the aperture. Output: intervals of the boundary with their
+//! length. Each edge is checked in parts of about half the minor semi-axis, and the ends of an interval are found by
+//! bisection to `END`, of the aperture's unit; an interval within one such part is not found.
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

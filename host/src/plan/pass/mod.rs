@@ -1,11 +1,11 @@
-//! Passes: what the stages hand on to each other.
+//! Passes: the types that the stages hand on to each other.
 //!
-//! A [`Contact`] is where the aperture is to touch a wall and how wide the bead is to be there; a
+//! A [`Contact`] is a point where the aperture is to touch a wall, with the bead's desired width; a
 //! [`Placement`] is the aperture placed there; a [`LayerPass`] is a run of placements that is
 //! printed without an interruption of flow. All lengths in mm, headings in rad, coordinates of the
 //! region that is planned. Why here: every stage from the headings to the layers knows these three.
 //!
-//! In and out: nothing is computed here but lengths and bounds (mm).
+//! In and out: only lengths and bounds (mm) are computed here.
 
 pub mod sweep;
 #[cfg(test)]

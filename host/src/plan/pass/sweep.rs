@@ -1,7 +1,8 @@
 //! Poses along a path, so dense that their union is what the aperture sweeps.
 //!
-//! In: placements or configurations in mm and rad. Out: configurations between them. Leaves out
-//! the bent edges of a sweep that turns: steps are so small that a raster's cell does not show them.
+//! In: placements or configurations in mm and rad. Out: configurations between them. Not covered:
+//! the curved edges of a sweep that turns: steps are so small that they do not show in a raster's
+//! cell.
 
 use super::LayerPass;
 use crate::geometry::aperture::Aperture;

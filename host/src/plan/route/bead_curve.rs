@@ -1,14 +1,15 @@
-//! A bead's centre line as G-code has it -> a C² curve with headings and volume.
+//! A bead's centre line in G-code -> a C² curve with headings and volume.
 //!
-//! In: a [`GcodePass`] (mm, input coordinates), what wrote it, the nozzle. Out: [`BeadCurve`]: control
-//! points of a uniform cubic B-spline (mm, rad, mm³ from 0), cut where the speed changes.
+//! In: a [`GcodePass`] (mm, input coordinates), the program that wrote it, the nozzle. Out:
+//! [`BeadCurve`]: control points of a uniform cubic B-spline (mm, rad, mm³ from 0), cut where the
+//! speed changes.
 //!
-//! A control point lies on every vertex. At one where the way turns from d1 to d2 the curve passes
-//! h |d1 - d2| / 6 beside it, with h the distance of its neighbours: that gives h. From there the
-//! distances grow evenly to `SPACING_MAX`; on straight legs the curve is the leg.
+//! There is a control point on every vertex. At one where the path turns from d1 to d2 the curve
+//! passes at a distance of h |d1 - d2| / 6, with h the distance of its neighbours: that gives h.
+//! From there the distances grow evenly to `SPACING_MAX`; on straight legs the curve is the leg.
 //!
-//! The heading is that at which the nozzle's bead is as wide as the file's, nearly (`bead_headings`). Where the
-//! file tells headings they are kept. Leaves out flow onto covered ground: volumes are the file's.
+//! At its heading the nozzle's bead is nearly as wide as the file's (`bead_headings`). Headings in the file are
+//! kept. Not covered: flow onto covered area: volumes are the file's.
 
 mod speeds;
 

@@ -1,11 +1,11 @@
 //! From ordered passes to the route: travel with lift, prime, print, retract.
 //!
-//! Every pass: travel above its start with the heading turned on the way, lower, prime, print,
-//! retract, lift. A pass that begins right above the end of the one before it is risen to, without a
-//! retract. Each piece is a rest-to-rest move. All in machine coordinates.
+//! For every pass: travel above its start while the heading turns, lower, prime, print, retract,
+//! lift. To a pass that begins right above the end of the previous one the head rises without a
+//! retract. Each of these is a rest-to-rest move. All in machine coordinates.
 //!
 //! In: curves of the passes (mm, rad, mm³) in order, the pose at rest before them. Out: moves with
-//! their curves and the volumes of prime and retract (mm³). Leaves out: time, which the motion
+//! their curves and the volumes of prime and retract (mm³). Not covered: time, which the motion
 //! stage finds.
 
 use crate::geometry::Point2;

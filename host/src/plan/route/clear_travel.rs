@@ -1,14 +1,14 @@
-//! Travel between two tilted passes, no farther than what is printed asks.
+//! Travel between two tilted passes, no farther away than the print requires.
 //!
-//! The head draws back along its axis, goes straight across while the axis turns, and comes down along
-//! the new axis. How far it draws back is tried, from the lift on, each time twice as far, until nozzle
-//! and head keep off everything printed so far and off the table on the way across.
+//! The head retreats along its axis, moves straight across while the axis turns, and descends along the
+//! new axis. Retreat distances are tried from the lift on, doubling each time, until nozzle and head
+//! stay clear of everything printed so far and of the table while they cross.
 //!
-//! In: the shape of nozzle and head, the passes printed so far (mm, rad, machine coordinates), the poses
-//! at both ends, and a travel that the caller knows. Out: the control points of the shortest that is clear;
-//! the known one where none is found in `LOOKS_MAX` looks. What is printed is the way of the tip with
-//! flow up to then. The legs along the axes are as clear as the poses that they lead to; what touches
-//! there, and on a travel that is not clear, the judge tells.
+//! In: the shape of nozzle and head, the passes printed so far (mm, rad, machine coordinates), the poses at
+//! both ends, and a fallback travel. Out: the control points of the shortest clear travel; the fallback if
+//! none is found in `LOOKS_MAX` checks. The print is the path of the tip with flow up to then. The legs
+//! along the axes are as clear as the poses at their ends; the judge reports collisions there, and on a
+//! travel that is not clear.
 
 use crate::plan::route::moves::{PathCurve, tilt, tip};
 use crate::settings::Settings;

@@ -1,9 +1,9 @@
-//! Passes of G-code -> the route: the file's own ways between them, prime and retract as events.
+//! Passes of G-code -> the route: the file's own travel between them, prime and retract as events.
 //!
 //! In: [`GcodePass`]es of some layers (mm, input coordinates), the part's offset, the pose at rest before.
-//! Out: [`Route`] in machine coordinates. Travel goes as the file has it, its corners passed like those
-//! of beads, lifted where the file lifts; before the first pass the head comes from above. A pass without
-//! a prime or retract in the file has none. Leaves out keep-outs and travel inside the part.
+//! Out: [`Route`] in machine coordinates. Travel follows the file, with corners rounded like those of
+//! beads, and lifts where the file does; to the first pass the head descends from above. A pass without a
+//! prime or retract in the file has none. Not covered: keep-outs and travel inside the part.
 
 use crate::gcode::comments::Slicer;
 use crate::gcode::{GcodePass, Place, Push};

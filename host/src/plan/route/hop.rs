@@ -1,11 +1,12 @@
 //! One travel without a stop: up, across and down as one curve (a z-hop with rounded corners).
 //!
-//! Up to half the lift the head goes straight up, so that it leaves the bead; then Z slows down while the
-//! head begins to cross, at even accelerations of both: a quadratic corner. Before the end the same
-//! backwards. What the corner takes along the way is chosen so that neither waits for the other.
+//! Up to half the lift the head moves straight up, so that it leaves the bead; then Z decelerates while
+//! the head begins to cross, both at constant accelerations: a quadratic corner. The end is the same in
+//! reverse. The corner's length along the path is chosen so that neither waits for the other.
 //!
-//! In: pose at rest, legs of the way (mm), heading at their end (rad), heights (mm), limits. Out: control
-//! points of one curve in channel space (mm, rad, mm³). Leaves out: time, which the motion stage finds.
+//! In: pose at rest, legs of the path (mm), heading at their end (rad), heights (mm), limits. Out:
+//! control points of one curve in channel space (mm, rad, mm³). Not covered: time, which the motion
+//! stage finds.
 
 use crate::geometry::Point2;
 use crate::settings::Settings;

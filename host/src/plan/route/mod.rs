@@ -1,4 +1,4 @@
-//! Route: everything the head does, in order, as moves from rest to rest.
+//! Route: all moves of the head, in order, from rest to rest.
 //!
 //! ```text
 //! PlanePass   --flow, travel (keep_out, shortest_path), hop, build_route--> Route
@@ -9,7 +9,7 @@
 //! (mm, input)                                                     (mm, rad, mm³)
 //! ```
 //!
-//! Leaves out: how fast it goes (`motion`).
+//! Not covered: speed (`motion`).
 
 pub mod bead_curve;
 pub mod bead_headings;

@@ -1,4 +1,4 @@
-//! The route: everything the head does, in order, as rest-to-rest moves of C² curves.
+//! The route: all moves of the head, in order, as C² curves from rest to rest.
 //!
 //! In and out: the types that the route and the motion stage share; mm, rad, mm³.
 

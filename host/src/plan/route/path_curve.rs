@@ -1,8 +1,8 @@
 //! Evaluation of the route's path curves: position and u-derivatives of the uniform cubic B-spline.
 //!
-//! In: [`PathCurve`] and a parameter u (one unit a span). Out: channels in mm, rad, mm³ and their
-//! first to third derivatives by u. The spline has natural ends by phantom points
-//! P_{-1} = 2 P_0 - P_1, so that it starts and ends on its first and last point.
+//! In: [`PathCurve`] and a parameter u (one unit per span). Out: channels in mm, rad, mm³ and their
+//! first to third derivatives by u. The spline has natural ends by phantom points P_{-1} = 2 P_0 -
+//! P_1, so that it starts and ends on its first and last point.
 
 use crate::plan::route::moves::PathCurve;
 use headway_protocol::units::CHANNELS;

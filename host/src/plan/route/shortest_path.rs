@@ -1,13 +1,13 @@
-//! The shortest way of a point through free ground, at a clearance from what bounds it.
+//! The shortest path of a point through free area, at a clearance from its boundary.
 //!
-//! Shortest ways bend only around corners of the bounds that stick into the free ground. Each such
-//! corner, its arc at the clearance replaced by tangents of at most 30°, gives nodes; two nodes see
-//! each other where the straight line between them keeps the clearance from every edge. A* over the
-//! nodes, who sees whom found when first asked. The way is longer than the exact one by at
-//! most 1 / cos 15° - 1 = 3.5 % of its arcs.
+//! Shortest paths bend only around corners of the boundary that project into the free area. Each
+//! such corner, its arc at the clearance replaced by tangents of at most 30°, gives nodes; two
+//! nodes are mutually visible if the straight line between them keeps the clearance from every
+//! edge. The search is A* over the nodes, with visibility evaluated on demand. The path is longer
+//! than the exact one by at most 1 / cos 15° - 1 = 3.5 % of its arcs.
 //!
-//! Input: rings with the free ground on their left. Bounded by [`NODES_MAX`]: what needs more nodes
-//! has no router.
+//! Input: rings with the free area on their left. Bounded by [`NODES_MAX`]: for areas that need
+//! more nodes there is no router.
 
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Ring};

@@ -1,7 +1,7 @@
-//! Where the head goes between passes: around keep-outs, inside the part, or straight.
+//! Travel between passes: around keep-outs, inside the part, or straight.
 //!
-//! All in machine coordinates. Avoiding the outline is a wish: where no way inside is found the
-//! head goes straight. Keep-outs are not: without a way around them there is no job.
+//! All in machine coordinates. Avoiding the outline is optional: if no path inside is found the
+//! head moves straight. Keep-outs are not: without a path around them planning fails.
 //!
 //! In: keep-outs, regions, two placements (mm, rad). Out: straight legs over corners (mm), or an
 //! error with the place.

@@ -1,12 +1,11 @@
 //! Waypoint curves -> the route: approach, prime, print, retract, leave; and the flow along them.
 //!
-//! The head lifts, crosses and turns above everything, lowers straight down, and leaves straight
-//! up. Between two passes it draws back along its axis, crosses while the axis turns, and comes down
-//! along the new axis: close to what is printed where the head's shape tells that it is clear
-//! ([`crate::plan::route::clear_travel`]), otherwise around the ball that holds all of the job. On machines
-//! whose joints follow the whole pose (turning tables, arms) it begins and leaves along the axis too. The deposited volume
-//! follows the front of the aperture as in planar printing, in the plane that the tool sees: each step
-//! of the tip is turned by the tool axis until the axis points up.
+//! The head lifts, crosses and turns above everything, lowers straight down, and leaves straight up. Between two
+//! passes it retreats along its axis, crosses while the axis turns, and descends along the new axis: close to the
+//! print if the head's shape is clear of it ([`crate::plan::route::clear_travel`]), otherwise around a ball that
+//! contains the complete job. On machines whose joints follow the complete pose (turning tables, arms) it also begins
+//! and leaves along the axis. The deposited volume follows the front of the aperture as in planar printing, in the
+//! tool's plane: each step of the tip is rotated so that the tool axis points up.
 
 use crate::geometry::Point2;
 use crate::geometry::clearance::Configuration;

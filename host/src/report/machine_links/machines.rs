@@ -1,7 +1,7 @@
 //! The links of `gantry`, `trunnion` and `arm6`.
 //!
-//! In: a [`Look`] and the kinematics' lengths, mm, machine coordinates. Out: the tree, its part still on the
-//! bare table. Frames are those of `headway_firmware::kinematics`: `gantry` turns A, B, C at the pivot, `trunnion`
+//! In: a [`Look`] and the kinematics' lengths, mm, machine coordinates. Out: the tree, with its part directly on
+//! the table. Frames are those of `headway_firmware::kinematics`: `gantry` turns A, B, C at the pivot, `trunnion`
 //! A and C at the table's centre, `arm6` as in Brandstötter, Angerer and Hofbaur (2014).
 
 use super::solids::{bar, block};

@@ -1,10 +1,10 @@
-//! The machine as links that its joints move: what the page draws around the path.
+//! The machine as links that its joints move, which the page draws around the path.
 //!
-//! In: the machine's configuration (lengths in mm), its work area, the head's shape, where the part lies.
+//! In: the machine's configuration (lengths in mm), its work area, the head's shape, the part's position.
 //! Out: [`MachineLinks`], a tree of links. Each link has a frame in its parent's, a joint that slides or turns it
-//! there, and convex solids. Their lengths that matter are the kinematics' own, and a test holds
-//! the tool's place against `headway_firmware::kinematics`; all else (posts, beams, thickness) is only there
-//! to be recognised. Leaves out drawing, which is `page/script/links.js`'s, and what would touch what.
+//! there, and convex solids. The relevant lengths are those of the kinematics, and a test checks the tool's
+//! position against `headway_firmware::kinematics`; everything else (posts, beams, thickness) only makes the
+//! machine recognisable. Not covered: drawing (`page/script/links.js`), and collisions.
 
 mod machines;
 mod solids;

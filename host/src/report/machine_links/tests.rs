@@ -1,4 +1,4 @@
-//! Goal: the links that the page draws end where the machine's tip is. Method: random joint positions of the
+//! Goal: the links that the page draws end at the machine's tip. Method: random joint positions of the
 //! example machines; the tool's frame on the part against the firmware's forward kinematics.
 
 use super::*;

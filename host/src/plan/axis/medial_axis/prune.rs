@@ -1,16 +1,15 @@
 //! From the complete axis to the pruned axis: the part where passes have to meet.
 //!
-//! 1. Keep the pieces of edges whose object angle is at least a bound: a corner's bisector sees
-//!    its feet under 180° less the corner's angle, so flat corners (and the facets of a flattened
+//! 1. Keep the parts of edges whose object angle is at least a bound: a corner's bisector sees its
+//!    feet under 180° less the corner's angle, so flat corners (and the facets of a flattened
 //!    curve) go and sharp tips stay.
-//! 2. Prune branches with a free end that are short beside the radius where they start.
+//! 2. Prune branches with a free end that are short relative to the radius where they start.
 //! 3. Drop what is too narrow for any aperture.
-//! 4. Give back the largest disk's centre wherever nothing of the pruned axis is left in that disk
-//!    (a
+//! 4. Restore the largest disk's centre wherever nothing of the pruned axis is left in that disk (a
 //!    square's middle), as a vertex without edges.
 //!
-//! In: the whole axis, bounds of the object angle (rad), of the length against the radius, of the
-//! radius (mm). Out: the part of it that stays, radii unchanged. Sources: D. Attali and A.
+//! In: the complete axis, bounds of the object angle (rad), of the ratio of length to radius, of
+//! the radius (mm). Out: the part of it that is kept, radii unchanged. Sources: D. Attali and A.
 //! Montanvert (1996) for the object angle; the ratio of length and radius is ours.
 
 use super::{AxisEdge, AxisPoint, AxisVertex, MedialAxis};

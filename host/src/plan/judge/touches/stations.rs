@@ -1,4 +1,5 @@
-//! Where a route is looked at: poses along it, and the points that it has laid up to each of them.
+//! Stations for the collision check: poses along a route, and the points printed up to each of
+//! them.
 //!
 //! In: a route, or one after another (mm, rad, machine coordinates). Out: stations and points, in order.
 

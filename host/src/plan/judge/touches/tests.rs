@@ -1,5 +1,5 @@
-//! Goal: what touches is reported with its depth, what does not is not. Method: places whose distances
-//! are worked out by hand.
+//! Goal: a collision is reported with its depth, and nothing else is. Method: positions whose
+//! distances are computed by hand.
 use super::*;
 use crate::job::MotionState;
 use crate::plan::route::moves::{PathCurve, RouteMove};

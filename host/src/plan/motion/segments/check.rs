@@ -1,9 +1,9 @@
-//! Check of a finished move against every limit, in joint space, on the quantised spline.
+//! Checks a finished move against every limit, in joint space, on the quantised spline.
 //!
 //! In: a spline from rest to rest, limits (the plan's share), flow events that overlap it. Out: the
-//! worst speed, acceleration and jerk ratio of every piece of a few ticks. On a linear machine the
-//! acceleration is linear in a span, so that its ends and the extremum of the speed between two
-//! samples are exact; elsewhere the samples are dense.
+//! worst speed, acceleration and jerk ratio of every interval of a few ticks. On a linear machine
+//! the acceleration is linear in a span, so its ends and the extremum of the speed between two
+//! samples are exact; on others the samples are dense.
 
 use super::spline::{RestSpline, evaluate};
 use crate::plan::motion::joint_limits::{

@@ -1,9 +1,9 @@
-//! Where the knots go: span durations that just keep the tolerance.
+//! Placement of the knots: span durations that just keep the tolerance.
 //!
 //! In: the path at servo ticks and the tolerances. Out: a fitted spline. The error of a cubic fit
-//! goes with the fourth power of the span, so each round asks of every span the density that would
-//! bring its error to the tolerance, spreads the knots anew by that density, and fits again; spans
-//! that still exceed it are halved.
+//! is proportional to the fourth power of the span, so each round finds for every span the density
+//! that would bring its error to the tolerance, redistributes the knots by that density, and fits
+//! again; spans that still exceed it are halved.
 
 use super::fit::{SpanShare, TickSums, fit, shares_of_path, span_errors, span_shares, tick_sums};
 use super::spline::{RestSpline, durations_around};

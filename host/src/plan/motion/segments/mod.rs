@@ -9,10 +9,10 @@
 //!                          +-- local slowing where a ratio is above 1 -----+
 //! ```
 //!
-//! A print move that an earlier layer had as well takes that one's spline, moved and checked.
+//! A print move that repeats one of an earlier layer reuses its spline, moved and checked.
 //!
-//! All moves share the extruder: where one's prime, retract or pressure advance still acts in the next and both
-//! together are too much for it, the head rests between them (`rests.rs`).
+//! All moves share the extruder: if a prime, retract or pressure advance still acts in the next move and both
+//! together exceed its limits, the head rests between them (`rests.rs`).
 
 pub mod assemble;
 pub mod check;

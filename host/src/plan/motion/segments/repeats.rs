@@ -1,8 +1,8 @@
-//! Moves that repeat an earlier one elsewhere: the same print on another layer.
+//! Moves that repeat an earlier one at another position: the same print on another layer.
 //!
-//! In: the route. Out: for each move an earlier one of the same course, moved by a constant in
-//! every channel; and the earlier one's spline moved there. Timing and fitting a move takes many
-//! rounds, moving it takes one check, which [`super::shaping`] makes as of any other spline.
+//! In: the route. Out: for each move an earlier one of the same shape, offset by a constant in
+//! every channel; and the earlier one's spline with that offset. Timing and fitting a move takes
+//! many rounds, an offset only one check, which [`super::shaping`] makes as for any other spline.
 
 use super::spline::{RestSpline, quantised};
 use crate::job::MotionState;

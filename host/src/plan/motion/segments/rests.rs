@@ -1,11 +1,11 @@
-//! Rests between moves, where the extruder has no time to get from one of them to the next.
+//! Rests between moves, where the extruder has too little time to change from one to the next.
 //!
-//! In: the finished moves in their order (mm³, servo ticks) and the extruder's limits. Out: for each move how long
-//! the head rests before it, servo ticks; nearly always 0. A move is checked by itself, with its own prime or
-//! retract and the prime before it. What is left is that several moves share the extruder: a bead shorter than the
-//! lead of its prime and retract, one bead's pressure advance in the next one, a retract that still runs when the
-//! next prime begins. A rest moves what comes after it against what came before until their sum keeps the limits.
-//! Leaves out what a move is beyond a limit by itself: no rest mends that.
+//! In: the finished moves in their order (mm³, servo ticks) and the extruder's limits. Out: for each move the rest
+//! before it, servo ticks; nearly always 0. A move is checked by itself, with its own prime or retract and the
+//! prime before it. This stage handles the moves that share the extruder: a bead shorter than the lead of its
+//! prime and retract, one bead's pressure advance in the next one, a retract that still runs when the next prime
+//! begins. A rest delays the moves after it until the sum of both keeps the limits. Not covered: a move that
+//! exceeds a limit by itself, which no rest can correct.
 
 use super::FinishedMove;
 use super::check::EventRun;

@@ -1,11 +1,11 @@
-//! One move: time law, fit and check, until every limit is kept.
+//! Time law, fit and check of one move, until every limit is kept.
 //!
-//! In: the move and its limits. Out: a [`FinishedMove`]. A first time law that knows
-//! the jerk only through a smoothing window gives a first fit; that motion is run anew in the least
-//! time along it (`super::retiming`), three times, since each new fit differs a little. Then only a few
-//! per cent are missing here and there, and the finished motion is stretched in time around those
-//! places ([`super::warp`]), which cannot raise a new peak elsewhere. Where all of that takes longer
-//! than the first time law did, the first fit is stretched as it is, and the shorter one counts.
+//! In: the move and its limits. Out: a [`FinishedMove`]. A first time law, which includes the jerk only
+//! through a smoothing window, gives a first fit; that motion is retimed for the least time along it
+//! (`super::retiming`), three times, since each new fit differs a little. Then limits are exceeded by a
+//! few per cent in some places, and the finished motion is stretched in time around them
+//! ([`super::warp`]), which cannot cause a new peak elsewhere. If the result takes longer than the
+//! first time law, the first fit is stretched unchanged, and the shorter one is used.
 
 use super::check::{self, EventRun, JERK_RATIO_MAX, Piece, Ratios};
 use super::layout::{self, Layout};

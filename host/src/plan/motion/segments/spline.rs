@@ -5,7 +5,7 @@
 //! Practical Guide to Splines" (1978). Evaluation is in natural units and seconds.
 //!
 //! In: durations in servo ticks, control points (mm, rad, mm³). Out: value and derivatives by
-//! seconds at a tick. Leaves out: the wire's integers ([`quantised`] rounds to them).
+//! seconds at a tick. Not covered: the wire's integers ([`quantised`] rounds to them).
 
 use crate::plan::route::path_curve::CurvePoint;
 use headway_protocol::segment::SPAN_TICKS_MAX;

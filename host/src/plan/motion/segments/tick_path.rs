@@ -1,9 +1,9 @@
-//! A curve as it is to be run: its channels at every servo tick.
+//! A curve over time: its channels at every servo tick.
 //!
-//! In: a path curve and its parameter at ticks 0..=n. Out: channels in natural units. They are made span by
-//! span when they are asked for: of a long path all of them would fill the memory, and most spans of a
-//! motion that changed a little are known already. At the curve's ends they are its end points to the last bit:
-//! moves meet there, and what is quantised on either side has to be the same.
+//! In: a path curve and its parameter at ticks 0..=n. Out: channels in natural units. They are evaluated span
+//! by span on request: for a long path all of them would fill the memory, and when a motion changes a little
+//! most spans are known already. At the curve's ends they equal its end points to the last bit: moves meet
+//! there, and both have to quantise to the same value.
 
 use crate::plan::route::moves::PathCurve;
 use headway_protocol::segment::SPAN_TICKS_MAX;

@@ -1,11 +1,11 @@
 //! Local stretching of a finished motion in time.
 //!
-//! In: u at servo ticks and the pieces beyond a limit. Out: the same path, run slower around them.
-//! With a slowness f >= 1 (time takes f times as long) speeds fall by f and accelerations by f²,
-//! plus a change of speed by f' where f rises and falls: the flanks are raised cosines, wider each
-//! round, so that this stays below what is gained. In the limit everything slows alike.
-//! Every slowed run takes a whole number of ticks more, so that what lies behind it is shifted by
-//! whole ticks and fits exactly as before: a change here makes no noise there.
+//! In: u at servo ticks and the pieces beyond a limit. Out: the same path, slower around them. With
+//! a slowness f >= 1 (time takes f times as long) speeds fall by f and accelerations by f², plus a
+//! change of speed by f' where f rises and falls: the flanks are raised cosines, wider each round,
+//! so that this stays below the gain. In the limit everything slows equally. Every slowed stretch
+//! takes a whole number of ticks more, so the motion after it is shifted by whole ticks and fits
+//! exactly as before: a change in one place adds no noise in another.
 
 use super::check::Piece;
 use rayon::prelude::*;

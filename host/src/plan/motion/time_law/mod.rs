@@ -1,11 +1,10 @@
 //! Path to time: the fastest motion along a path within the limits, smoothed, on servo ticks.
 //!
 //! In: path samples with their constraints ([`crate::plan::motion::path_samples`]). Out: the path parameter
-//! u at every servo tick, from rest to rest.
-//! Two steps: time-optimal parametrisation by reachability ([`reachability`], after Pham and Pham,
-//! TOPP-RA, 2018), then a smoothing of the speed profile that makes the acceleration continuous
-//! ([`smoothing`]). What it leaves to the jerk's limit is taken from the fitted motion
-//! ([`crate::plan::motion::segments`]).
+//! u at every servo tick, from rest to rest. Two steps: time-optimal parametrisation by reachability
+//! ([`reachability`], after Pham and Pham, TOPP-RA, 2018), then a smoothing of the speed profile that makes
+//! the acceleration continuous ([`smoothing`]). The remaining distance to the jerk's limit is used on the
+//! fitted motion ([`crate::plan::motion::segments`]).
 
 pub mod reachability;
 pub mod smoothing;

@@ -1,11 +1,11 @@
 //! Time-optimal path parametrisation by reachability analysis over x = u̇².
 //!
-//! In: samples with constraints |a ü + b x| <= c. Out: the largest u̇ at each sample with which the
-//! path can be run from rest to rest. Backward: the largest x from which the end can be reached;
-//! forward: from rest, always the largest acceleration that stays below it (Pham and Pham, "A New
-//! Approach to Time-Optimal Path Parameterization based on Reachability Analysis", T-RO 2018). The
-//! acceleration is constant in a cell and meets the constraints at both of its ends, which keeps
-//! the profile still where a joint stands (their "interpolation" scheme).
+//! In: samples with constraints |a ü + b x| <= c. Out: the largest u̇ at each sample for a motion
+//! from rest to rest. Backward: the largest x from which the end can be reached; forward: from
+//! rest, always the largest acceleration that stays below it (Pham and Pham, "A New Approach to
+//! Time-Optimal Path Parameterization based on Reachability Analysis", T-RO 2018). The acceleration
+//! is constant in a cell and meets the constraints at both of its ends, which keeps the profile
+//! smooth where a joint is at rest (their "interpolation" scheme).
 
 use super::Shares;
 use crate::plan::motion::joint_limits::MotionLimits;

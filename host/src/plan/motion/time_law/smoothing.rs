@@ -1,11 +1,11 @@
-//! From a speed profile with jumps of acceleration to one without, on servo ticks.
+//! Smooths a speed profile with jumps of acceleration, on servo ticks.
 //!
 //! In: u̇ at path samples. Out: u at every servo tick. u(t) is averaged over a window of length T,
-//! so that the acceleration is a moving average and changes at most by a / T a second. An average
+//! so that the acceleration is a moving average and changes by at most a / T per second. An average
 //! is above the profile in its valleys and keeps sharp peaks sharp, so first peaks are cut to
 //! plateaus and valleys widened (an opening and an erosion by T/2 in the profile's own time; Serra,
-//! "Image Analysis and Mathematical Morphology", 1982). Along the path the average lags or leads
-//! by about T² ü / 24 only.
+//! "Image Analysis and Mathematical Morphology", 1982). Along the path the average lags or leads by
+//! about T² ü / 24 only.
 
 use rayon::prelude::*;
 use std::collections::VecDeque;

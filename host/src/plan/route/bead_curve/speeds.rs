@@ -1,9 +1,9 @@
-//! Speeds along a pass: where it is cut at rest, and where one speed becomes another within a move.
+//! Speeds along a pass: where it is cut at rest, and where the speed changes within a move.
 //!
-//! In: legs with their speeds (mm/s) and volumes. Out: runs of stretches of alike speed, each run a move from rest
-//! to rest; tip speeds by the path's parameter where a run has several. A pass of hours, as a vase is, is cut at
-//! rest as well: a move is planned in one piece, with memory for each of its ticks. Leaves out what limits of the
-//! machine allow of the speeds.
+//! In: legs with their speeds (mm/s) and volumes. Out: groups of stretches of similar speed, each group a move
+//! from rest to rest; tip speeds by the path's parameter where a group has several. A pass of hours, such as a
+//! vase, is cut at rest as well, because a move is planned as one, with memory for each of its ticks. Not covered:
+//! the machine's limits on the speeds.
 
 use super::{BeadMove, Control, Way};
 use crate::plan::route::chords::ChordMove;

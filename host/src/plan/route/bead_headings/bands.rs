@@ -1,8 +1,8 @@
 //! Headings that each leg of a pass may have.
 //!
-//! In: lines, the nozzle. Out: [`LegBands`], angles counted on along the pass. A leg that is shorter than both its
-//! neighbours and short beside the nozzle is a link, if it belongs to an infill or a support: the heading is held
-//! over it, from the one neighbour's to the other's.
+//! In: lines, the nozzle. Out: [`LegBands`], with angles unwrapped along the pass. A leg that is shorter than both
+//! its neighbours and short relative to the nozzle is a link, if it belongs to an infill or a support: the heading
+//! is held over it, from one neighbour's to the other's.
 
 use super::sides::{Choice, Range, least_turning};
 use super::{BeadLines, EXACT_SHARE, FAR_SHARE, NEAR_SHARE};

@@ -1,18 +1,18 @@
-//! Headings along the beads of G-code, chosen by the seconds that the nozzle needs to turn.
+//! Headings along the beads of G-code, chosen by the time that the nozzle needs to turn.
 //!
 //! ```text
 //! lines --bands, nodes--> headings allowed at each node --smooth--> headings --> HeadingTrack
 //! (mm, mm/s)              (rad)                                     (rad)        (rad by mm)
 //! ```
-//! The nozzle lays a bead of the file's width at 90° - alpha from the travel, with 2 e(alpha) = width, on either
-//! side; long straight legs have exactly that. To turn by 90° at a corner takes the nozzle longer than the tip needs
-//! for some millimetres, so the turn begins before the corner and ends behind it, as far as the bead stays nearly as
-//! wide: within an eighth of the file's width some way from the corner (`FAR_SHARE`), within a third beside it
-//! (`NEAR_SHARE`), and of any width only right at it, or on a short link of an infill or a support, over which the
-//! heading is held. Travel between passes is free for turning.
+//! The nozzle prints a bead of the file's width at 90° - alpha from the travel, with 2 e(alpha) = width, on either
+//! side; long straight legs have exactly that. Turning by 90° at a corner takes the nozzle longer than the tip needs
+//! for some millimetres, so the turn begins before the corner and ends after it, while the bead stays nearly as
+//! wide: within an eighth of the file's width at some distance from the corner (`FAR_SHARE`), within a third close
+//! to it (`NEAR_SHARE`), and of any width only right at it, or on a short link of an infill or a support, over which
+//! the heading is held. Travel between passes is free for turning.
 //!
-//! In: legs of passes without standing ones, in the order in which they are printed. Out: a [`HeadingTrack`] a pass.
-//! Leaves out what the limits of the tip make of it, and volumes: those are the file's.
+//! In: legs of passes without those of length 0, in printing order. Out: a [`HeadingTrack`] for each pass. Not
+//! covered: the effect of the tip's limits, and volumes, which are the file's.
 
 mod bands;
 mod nodes;

@@ -1,4 +1,4 @@
-//! Places along a pass at which headings are chosen, with the range of each.
+//! Points along a pass at which headings are chosen, with the range of each.
 //!
 //! In: lines, the bands of their legs. Out: [`Node`]s, close at the ends of legs and further apart between them.
 

@@ -1,7 +1,7 @@
-//! Ranges of headings, and which of several each leg takes.
+//! Ranges of headings, and the choice among several for each leg.
 //!
-//! In: for each leg the ranges that lay its bead, relative to any period of the nozzle. Out: one range a leg, its
-//! angle counted on, so that the sum of turning from range to range is least, and of turning back on short legs
+//! In: for each leg the ranges that print its bead, relative to any period of the nozzle. Out: one range for each
+//! leg, with its angle unwrapped, for the least sum of turns from range to range and of turns back on short legs
 //! (shortest path).
 
 use crate::geometry::aperture::wrapped_rad;

@@ -1,9 +1,9 @@
 //! Headings within their ranges that need the least acceleration of the nozzle's turn.
 //!
-//! In: nodes with ranges (rad), speeds of the tip (mm/s). Out: a heading a node. The integral of the squared
-//! acceleration over time is made least within the ranges (a primal-dual interior-point method on a banded matrix),
-//! where the time between nodes is that of a tip which slows at corners. Where the heading's limits ask for more,
-//! that time is stretched and the headings are found again.
+//! In: nodes with ranges (rad), speeds of the tip (mm/s). Out: a heading for each node. The integral of the squared
+//! acceleration over time is minimised within the ranges (a primal-dual interior-point method on a banded matrix),
+//! where the time between nodes is that of a tip which slows at corners. If the heading's limits require more time,
+//! it is stretched and the headings are found again.
 
 use super::BeadLines;
 use super::nodes::Node;

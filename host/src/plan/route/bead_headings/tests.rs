@@ -1,5 +1,5 @@
-//! Goal: headings are within what each place allows, turn no more than they must, and least. Method: lines whose
-//! headings are known by hand.
+//! Goal: headings are within each point's range and turn as little as possible. Method: lines whose headings are
+//! known by hand.
 
 use super::{BeadLines, HeadingTrack, bead_headings};
 use crate::settings::Settings;

@@ -1,8 +1,8 @@
-//! What a motion passes -> the control points of its curve.
+//! Points of a motion -> the control points of its curve.
 //!
-//! In: places and points of chords by the curve's parameter (mm, rad, mm³). Out: control points of even spans, by least
-//! squares (C. de Boor, A Practical Guide to Splines, 1978, chapter 14): as many as there are places, so that what the file
-//! rounds is evened out where it would be jerk.
+//! In: vertices and points of chords by the curve's parameter (mm, rad, mm³). Out: control points of even spans, by
+//! least squares (C. de Boor, A Practical Guide to Splines, 1978, chapter 14): as many as vertices, so that the
+//! file's rounding is smoothed where it would cause jerk.
 
 use super::{Point, TURN_MM, length, way};
 use crate::geometry::banded::Band;

@@ -1,10 +1,10 @@
-//! The chords of a motion -> its curves again.
+//! The chords of an exported motion -> its original curves.
 //!
-//! In: moves of a file that Headway wrote for a controller: straight ones and arcs between places of a smooth motion, each
-//! with its duration, headings and volumes (mm, deg, mm³, s). Out: [`ChordMove`]s from rest to rest, which pass through the
-//! places and last as long as the file's moves at least. Their parameter is the file's time, in which the motion is smooth;
-//! the head rests where no smooth motion within a chord's tolerance turns so far. Leaves out tilts, and beads without a
-//! volume.
+//! In: moves of a file that Headway wrote for a controller: straight ones and arcs between points of a smooth motion,
+//! each with its duration, headings and volumes (mm, deg, mm³, s). Out: [`ChordMove`]s from rest to rest, which pass
+//! through these points and last at least as long as the file's moves. Their parameter is the file's time, over which
+//! the motion is smooth; the head rests where no smooth motion within a chord's tolerance turns so far. Not covered:
+//! tilts, and beads without a volume.
 
 mod fit;
 mod speeds;

@@ -1,7 +1,7 @@
-//! Mean speeds of moves -> the fastest that the tip may go along them.
+//! Mean speeds of moves -> the tip's maximum speed along them.
 //!
-//! In: means (mm/s), times (s) and ways (mm). Out: bounds, mm/s. A mean is no bound: within a move the tip speeds up and
-//! slows down.
+//! In: means (mm/s), times (s) and distances (mm). Out: bounds, mm/s. A mean is not a bound: within a move the tip
+//! accelerates and decelerates.
 
 use std::collections::VecDeque;
 

@@ -1,11 +1,11 @@
-//! Which share of the advancing front meets ground that nothing has covered before.
+//! The share of the advancing front that meets uncovered area.
 //!
 //! In: the passes of one layer that may touch each other, in printing order, as poses no farther
 //! apart than [`pose_step_mm`]. Out: for each pass the share of its first placement, and of each
-//! step, that lies on fresh ground. A raster keeps what was covered, by whichever pass; its cells
-//! are counted, a step's against those that it takes in over the pose before it, so that a front
-//! that meets nothing has the share 1 exactly, however coarse the raster is.
-//! Left out: ground outside the region (no pose leaves it by more than the tolerance).
+//! step, that is on uncovered area. A raster records the area covered by all passes; for each step
+//! the newly covered cells are divided by the cells that it adds to the previous pose, so that a
+//! front that meets no covered area has the share 1 exactly, however coarse the raster is. Not
+//! covered: area outside the region (no pose leaves it by more than the tolerance).
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

@@ -1,13 +1,14 @@
-//! Deposited volume along a printed path: what the advancing front newly covers, times the height.
+//! Deposited volume along a printed path: the area that the advancing front newly covers, times the
+//! height.
 //!
 //! In: poses along a pass (centre, heading), aperture, layer height, flow factor. Out: cumulative
-//! volume at each pose, mm³, for the path's volume channel. For a step that moves the centre by d
-//! and turns by w, an outline point r with outward normal n advances by n·d + w (r x n); the new
-//! ground is the integral of its positive part over the outline (docs/design/flow.md). Straight travel
-//! gives exactly bead width x length. Of the front counts what meets ground that no pass, and no
-//! earlier part of this one, has covered ([`fresh_ground`]). The footprint at the start of a
-//! pass is laid by the first length of its run: a front that only moves on leaves it empty. The
-//! flow is averaged over a short length, so that the extruder can follow it; the sum stays.
+//! volume at each pose, mm³, for the path's volume channel. For a step that moves the centre by d and
+//! turns by w, an outline point r with outward normal n advances by n·d + w (r x n); the new area is
+//! the integral of its positive part over the outline (docs/design/flow.md). Straight travel gives
+//! exactly bead width x length. Only the part of the front counts that meets area not covered by any
+//! pass or an earlier part of this one ([`fresh_ground`]). The footprint at the start of a pass is
+//! added to the first length of its path, since the advancing front does not fill it. The flow is
+//! averaged over a short length, so that the extruder can follow it; the sum is unchanged.
 
 pub mod fresh_ground;
 pub mod pass_volumes;

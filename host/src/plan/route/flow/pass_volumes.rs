@@ -1,8 +1,8 @@
 //! The volume that each pass of a job deposits along its curve.
 //!
 //! In: the passes in printing order, machine coordinates. Out: for each one the cumulative volume at
-//! its control points, mm³. What was covered before is known among the passes of a layer that may
-//! touch each other; the same passes in the same order, on whatever layer, are looked at once.
+//! its control points, mm³. Earlier coverage is tracked among the passes of a layer that may touch
+//! each other; the same passes in the same order, on any layer, are evaluated once.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

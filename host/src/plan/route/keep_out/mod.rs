@@ -1,17 +1,17 @@
-//! Keep-out regions: ground that neither aperture nor nozzle body enters.
+//! Keep-out regions: areas that neither aperture nor nozzle body enters.
 //!
 //! The body is a disk about the tool's axis. Every placement inside a region keeps its centre at
-//! least b from the region's boundary, so passes are planned on the target less the keep-outs grown
-//! by body radius - b: then no body enters, and no aperture. That gives up at most a - b of ground
-//! more than an aperture pointed at the keep-out would, where the body is the larger of the two.
+//! least b from the region's boundary, so passes are planned on the target minus the keep-outs
+//! grown by body radius - b: then neither body nor aperture enters. Where the body is the larger of
+//! the two, this loses a margin at most a - b wider than with an aperture pointed at the keep-out.
 //!
 //! Travel is routed around the keep-outs for a disk that holds aperture and body at any heading.
 //! Where a pass begins or ends closer than that (a body smaller than the aperture), the head first
-//! leaves with its heading kept.
+//! moves away at a constant heading.
 //!
-//! In: regions and keep-outs (mm), radius of the body (mm). Out: regions to plan on, and corners
-//! (mm) of a way between two placements. Ways are shortest paths over corners that see each other
-//! (E. Dijkstra, 1959).
+//! In: regions and keep-outs (mm), radius of the body (mm). Out: regions for planning, and corners
+//! (mm) of a path between two placements. Paths are shortest over mutually visible corners (E.
+//! Dijkstra, 1959).
 
 pub mod shadows;
 

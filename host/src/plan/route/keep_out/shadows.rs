@@ -1,8 +1,9 @@
-//! Keep-outs of what stands on the machine: the shadows of `--obstacle`, for heads that do not tilt.
+//! Keep-outs of obstacles on the machine: the projections of `--obstacle`, for heads that do not
+//! tilt.
 //!
-//! In: triangles (mm, machine coordinates), the head's profile, where the part lies. Out: regions in the input's
-//! coordinates, as [`crate::plan::route::keep_out`] takes them: it grows them by the nozzle's body, so that they
-//! are grown here by what the head is wider than that at the obstacle's height above the first layer.
+//! In: triangles (mm, machine coordinates), the head's profile, the part's position. Out: regions in the input's
+//! coordinates for [`crate::plan::route::keep_out`]: that module grows them by the nozzle's body, so they are
+//! grown here by the excess of the head's width over it at the obstacle's height above the first layer.
 
 use crate::geometry::Point2;
 use crate::geometry::boolean::{filled, grown};

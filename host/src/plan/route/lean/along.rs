@@ -1,10 +1,10 @@
-//! Leans that change along a pass: the least over a net of leans, place by place, then smoothed.
+//! Tilts that change along a pass: the smallest of a set of tilts at each point, then smoothed.
 //!
-//! In: the places of a pass, its axes, how far they may lean. Out: an axis for each waypoint. Minimised is the sum of
-//! |lean|² ds + L² |change of lean|² / ds over places of the pass a few millimetres apart (R. Bellman, Dynamic
-//! Programming, 1957): leans are small and change over a length of L or more. What is free is looked up with the
-//! margin at every place between; smoothing then moves each lean towards the mean of its neighbours and
-//! towards none, where that stays free.
+//! In: the points of a pass, its axes, the largest tilt. Out: an axis for each waypoint. With the lean as the tilt
+//! away from the given axis, the sum of |lean|² ds + L² |change of lean|² / ds over points of the pass a few
+//! millimetres apart is minimised (R. Bellman, Dynamic Programming, 1957): leans are small and change over a length
+//! of L or more. Free axes are looked up with the margin at every point between; smoothing then moves each lean
+//! towards the mean of its neighbours and towards 0, where that stays free.
 
 use super::laid::{Laid, PassPlaces};
 use super::{Blocked, cone_rad, leaning};

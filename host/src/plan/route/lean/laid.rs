@@ -1,6 +1,8 @@
-//! What a run lays, in order, along the chords of its waypoints, and where the head is meanwhile.
+//! The material of a run in printing order, along the chords of its waypoints, with the head's
+//! positions.
 //!
-//! In: a run (mm, input coordinates), its offset, the head. Out: points and places, machine coordinates.
+//! In: a run (mm, input coordinates), its offset, the head. Out: points of the print and poses of the
+//! head, machine coordinates.
 
 use crate::input::waypoints::{Waypoint, WaypointRun};
 use crate::plan::route::waypoint_curve::{self as curve, divided, pose};

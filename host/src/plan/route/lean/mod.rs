@@ -1,7 +1,8 @@
-//! Tool axes that lean away from what stands (`--tilt-max`): a run's axes become unknowns within a cone.
+//! Tool axes that tilt away from obstacles and earlier print (`--tilt-max`): a run's axes become
+//! unknowns within a cone.
 //!
-//! In: a run of waypoints (mm, input coordinates), its place, the head's profile, what stands. Out: the same run with
-//! other axes where a pass would touch; passes that are clear keep theirs.
+//! In: a run of waypoints (mm, input coordinates), its position, the head's profile, obstacles. Out: the run with
+//! other axes where a pass would collide; clear passes keep theirs.
 //!
 //! ```text
 //! run --laid--> Laid: points in order, a tree; places of each pass
@@ -10,9 +11,9 @@
 //!   a lean that changes along the pass (along)?  dynamic programming over a net, then smoothed
 //!   none: refused, with the place and what is in the way
 //! ```
-//! A lean is a rotation vector in the frame that the given axis makes of the upright one (the smallest rotation). What
-//! is laid is taken along the chords of the waypoints; the judge looks at the curves ([`crate::plan::judge::touches`]).
-//! Leaves out seconds: the least lean is taken, not the fastest.
+//! A lean is a rotation vector in the upright frame rotated onto the given axis (by the smallest rotation). The print
+//! is assumed along the chords of the waypoints; the judge checks the curves ([`crate::plan::judge::touches`]). Not
+//! covered: time: the smallest lean is chosen, not the fastest.
 
 mod along;
 mod laid;

@@ -1,6 +1,6 @@
-//! Normals of what a run lays: the axes that were given for it, whichever way the tool leans.
+//! Normals of a run's print: the given axes, whatever the tilt of the tool.
 //!
-//! In: a run and where it lies. Out: for a place of a pass the axis of the waypoint nearest to it, machine coordinates.
+//! In: a run and its position. Out: for a point of a pass the axis of the nearest waypoint, machine coordinates.
 
 use super::laid::Laid;
 use crate::input::waypoints::WaypointRun;

@@ -1,5 +1,5 @@
-//! Goal: passes lean as far as they must and no further, all places are free, and what cannot be is refused. Method:
-//! a wall, a tower beside it, judged by the touches of the finished plan.
+//! Goal: passes tilt as far as they must and no further, all poses are free, and impossible runs are refused.
+//! Method: a wall with a tower next to it, judged by the collisions of the finished plan.
 use super::LeanError;
 use crate::input::ReadOptions;
 use crate::input::waypoints::{WaypointRun, read};

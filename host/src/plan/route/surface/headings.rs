@@ -1,10 +1,11 @@
-//! Headings on a surface: turned from those of the plan so that every bead is as wide as the slope asks.
+//! Headings on a surface: turned from those of the plan so that every bead is as wide as the slope
+//! requires.
 //!
-//! In: along a pass what was planned and how wide the bead has to be (mm, rad, as the tool sees it). Out: by
-//! how much the heading differs from the plan's. Seen along the surface the beads of a plan lie farther
-//! apart where they run across the slope; a nozzle that is not round closes that by turning. Of the turns
-//! in steps of `STEP_RAD` dynamic programming takes those that leave the least ground open or laid twice,
-//! turning weighed as in the plane ([`crate::plan::headings::profile::turn_weight_mm4`]).
+//! In: along a pass the planned headings and the required bead widths (mm, rad, as the tool sees them). Out:
+//! the difference of each heading from the plan's. Measured along the surface, the beads of a plan are
+//! farther apart where they run across the slope; a nozzle that is not round compensates that by turning. Of
+//! the turns in steps of `STEP_RAD` dynamic programming chooses those that leave the least area uncovered or
+//! covered twice, turning weighed as in the plane ([`crate::plan::headings::profile::turn_weight_mm4`]).
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;

@@ -1,16 +1,17 @@
-//! The route of a plan in a chart -> the same on the ground: its moves from the first prime to the last lift.
+//! The route of a plan in a chart -> the route on the surface: its moves from the first prime to the last
+//! lift.
 //!
 //! ```text
 //! Route (u, v, height above the ground, heading) --chart--> tip, tool axis, direction of the heading
 //!   --headings--> headings in the tangent plane --> [RouteMove] (mm, rad, mm³)
 //! ```
-//! In: the route of the plan, in whose z the ground is 0, the chart and the nozzle's scale by place that it was planned
-//! with. Out: moves in the same order, in the ground's coordinates. The tool axis is the normal;
-//! heights become ways along it, so that lifts draw back along the tool and travel follows the ground. The
-//! heading is where the chart leads its direction, seen by a tool that is turned upright the shortest way (section
-//! "poses" of the design). A chart is conformal on one layer; where others are stretched more one way than the other,
-//! headings are turned for the width that each bead needs. The deposited volume grows as the ground does: by the
-//! area of the layer's middle over that of the plan. Leaves out the way to the first pass and from the last one
+//! In: the route of the plan, in which the surface has z = 0, the chart and the nozzle's scale by position that it
+//! was planned with. Out: moves in the same order, in the surface's coordinates. The tool axis is the normal; heights
+//! become distances along it, so that lifts retreat along the tool and travel follows the surface. The chart maps the
+//! direction of the heading, which is seen by a tool turned upright by the smallest rotation (section "poses" of the
+//! design). A chart is conformal on one layer; where others are stretched anisotropically, headings are turned for
+//! the width that each bead needs. The deposited volume scales with the surface: by the area of the layer's middle
+//! over that of the plan. Not covered: the moves to the first pass and from the last one
 //! ([`crate::plan::route::waypoint_route`]).
 
 pub mod headings;

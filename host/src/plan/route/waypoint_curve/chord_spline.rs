@@ -1,8 +1,8 @@
 //! Cubic splines through poses: over the chord length of the tip, and uniform ones.
 //!
-//! In: points in channel space (mm, rad, mm³). Out: a spline over the chord length with its derivatives, or the control
-//! points of a uniform B-spline. Both ask for one tridiagonal system (C. de Boor, A Practical Guide to Splines, 1978,
-//! chapter 4). Leaves out corners and tolerances, which are `waypoint_curve`'s.
+//! In: points in channel space (mm, rad, mm³). Out: a spline over the chord length with its derivatives, or the
+//! control points of a uniform B-spline. Both solve one tridiagonal system (C. de Boor, A Practical Guide to Splines,
+//! 1978, chapter 4). Not covered: corners and tolerances (`waypoint_curve`).
 
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 use nalgebra::Vector3;

@@ -1,8 +1,8 @@
-//! The curve that is meant -> a uniform B-spline that agrees with it.
+//! The intended curve -> a uniform B-spline that agrees with it.
 //!
 //! In: poses by the chord length (mm, rad), tolerances. Out: control points of even spans, halved until the spline
-//! is as near as it must be. Even ones also where a corner is rounded in a short window: the first time law takes a
-//! parameter that speeds up and slows down for bends of the path (30 % more time on a zigzag).
+//! is within the tolerances. Spans are even also where a corner is rounded in a short window: the first time law
+//! would treat a varying parameter speed as bends of the path (30 % more time on a zigzag).
 
 use super::chord_spline::through_samples;
 use super::{Curve, Point};

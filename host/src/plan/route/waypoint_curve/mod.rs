@@ -1,18 +1,18 @@
 //! Waypoints -> C² curves from rest to rest: an interpolating cubic spline, cut at its corners.
 //!
 //! In: a [`WaypointRun`] (mm, input coordinates), the part's offset, tolerances and aperture. Out:
-//! [`PathCurve`]s in machine coordinates that join end to end. As long as no flow is known the volume
-//! channel holds how much larger the bead's section is than what the nozzle lays, as a share: 0 where the
-//! waypoints have neither widths nor heights. Where they have sections it holds these, mm².
+//! [`PathCurve`]s in machine coordinates that join end to end. Until the flow is known the volume channel
+//! holds the relative excess of the bead's section over the nozzle's own: 0 if the waypoints have neither
+//! widths nor heights. If they have sections it holds these, mm².
 //!
 //! ```text
 //! waypoints -> runs between corners -> cubic spline over chord length
 //!           -> even samples -> uniform B-spline through them, refined until it agrees
 //! ```
-//! A width turns the nozzle as far as it lays such a bead, where no heading is given.
-//! A turn of more than [`CORNER_RAD`] is a corner: the head comes to rest there, unless corners are rounded
-//! ([`rounding`]). Waypoints that share a place turn the head on the spot. Cubic splines: C. de Boor, A Practical
-//! Guide to Splines (1978), chapter 4. Leaves out flow (`waypoint_route`) and time.
+//! Where no heading is given, a width turns the nozzle until it prints such a bead. A turn of more than
+//! [`CORNER_RAD`] is a corner: the head comes to rest there, unless corners are rounded ([`rounding`]). Waypoints
+//! at the same position turn the head in place. Cubic splines: C. de Boor, A Practical Guide to Splines (1978),
+//! chapter 4. Not covered: flow (`waypoint_route`) and time.
 
 pub mod chord_spline;
 mod fit;

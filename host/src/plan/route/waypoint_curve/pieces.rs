@@ -1,8 +1,9 @@
-//! A pass of waypoints -> pieces from rest to rest, the corners within them rounded.
+//! A pass of waypoints -> parts from rest to rest, with the corners within them rounded.
 //!
 //! In: the waypoints of a pass (mm), the part's offset, the tolerances. Out: [`Piece`]s whose neighbours share a
-//! waypoint, and what became of the corners. Without a tolerance every corner is a rest. With one the head rests
-//! where it turns on the spot, where the path turns sharply, and where a corner cannot be rounded within it.
+//! waypoint, and the treatment of each corner. Without a tolerance every corner is a rest. With one the head
+//! rests where it turns in place, where the path turns sharply, and where a corner cannot be rounded within the
+//! tolerance.
 
 use super::chord_spline::Spline;
 use super::rounding::{CornerTolerances, MustRest, RoundedCorners, RoundedSpline, Stretch};

@@ -1,19 +1,20 @@
-//! Corners of a run of waypoints, rounded: of the tip's path, of the tool axis and of the heading.
+//! Rounds the corners of a run of waypoints: of the tip's path, of the tool axis and of the
+//! heading.
 //!
 //! In: poses (mm, rad) over the chord length of the tip, where the path has corners, tolerances. Out: channels as
-//! functions of that length with steady third derivatives: splines that end at the corners, and around each corner a
-//! correction. With x = (s - corner) / half from -1 to 1, where value, slope and bend of the splines jump by 0,
-//! J1 and J2, it is
+//! functions of that length with continuous third derivatives: splines that end at the corners, and around each
+//! corner a correction. With x = (s - corner) / half from -1 to 1, where value, first and second derivative of the
+//! splines jump by 0, J1 and J2, it is
 //!
 //! ```text
 //! J1 half   (g(x) - |x|) / 2          g(x) = (5 + 15 x² - 5 x⁴ + x⁶) / 16
 //! J2 half² (q(x) - x |x| / 4)         q(x) = x (5 + 15 x² - 5 x⁴ + x⁶) / 64
 //! ```
-//! g and q go over into |x| and x |x| / 4 with three derivatives. So the sum has no jump up to the second
-//! derivative, nothing changes outside of the window, and how far it leaves the splines is known beforehand:
-//! at most 5/32 |J1| half + 0.0076 |J2| half². The splines end in parabolas: their third derivative is 0 there.
-//! For straight legs that turn by t the radius in the middle is 1.7 tolerance / tan²(t/2). Leaves out time: whether a
-//! small rounding is faster than a rest is the machine's affair.
+//! g and q join |x| and x |x| / 4 with three continuous derivatives. So the sum has no jump up to the second
+//! derivative, nothing changes outside the window, and its distance from the splines is known beforehand: at most
+//! 5/32 |J1| half + 0.0076 |J2| half². The splines end in parabolas: their third derivative is 0 there. For straight
+//! legs that turn by t the radius in the middle is 1.7 tolerance / tan²(t/2). Not covered: time: whether a small
+//! rounding is faster than a rest depends on the machine.
 
 use super::chord_spline::Spline;
 use crate::settings::Settings;

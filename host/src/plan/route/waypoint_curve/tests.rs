@@ -1,4 +1,4 @@
-//! Goal: the curve goes through every waypoint, is C² between corners, rests at corners, and lays
+//! Goal: the curve goes through every waypoint, is C² between corners, rests at corners, and turns
 //! the nozzle across the travel where no heading is given. Method: shapes with known answers.
 
 use super::fit::CURVE_SHARE;

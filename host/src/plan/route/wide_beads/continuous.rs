@@ -1,12 +1,12 @@
-//! Layers that follow each other without a rest, each printing as it rises: one move of a wall of single beads.
+//! Layers that follow each other without a rest and rise continuously: a wall of single beads as one move.
 //!
-//! In: a route (mm, rad, mm³) in which layers are printed one after the other. Out: the same with the loops of layers
-//! that have nothing but one loop joined: what lies between them (retract, lift, travel, prime) goes, the tip rises
-//! evenly along each loop, and the flow is as high as the bead is thick. A chain begins on flat ground: its first loop
-//! rises from a quarter of the layer's height, so that no bead is thicker than a layer or thinner than a quarter of one.
-//! A loop goes on where the one below ends: it is turned round where it runs the other way, and begun at its nearest
-//! place. Leaves out layers with several passes or an open one, which rest as they did; and the last loop's end, which
-//! is a step of one layer.
+//! In: a route (mm, rad, mm³) in which layers are printed one after the other. Out: the route with layers of a single
+//! loop joined: the moves between them (retract, lift, travel, prime) are removed, the tip rises evenly along each
+//! loop, and the flow is proportional to the bead's thickness. A vase chain begins on a flat surface: its first loop
+//! rises from a quarter of the layer's height, so that no bead is thicker than a layer or thinner than a quarter of
+//! one. A loop continues where the one below ends: it is reversed if it has the other direction, and begins at its
+//! nearest point. Not covered: layers with several passes or an open one, which rest as before; and the last loop's
+//! end, which is a step of one layer.
 
 use crate::job::MotionState;
 use crate::plan::route::build_route::nearest_heading;

@@ -1,4 +1,4 @@
-//! What wide beads change of a finished route: layers that follow each other without a rest, pumps that run on.
+//! Changes to a finished route for wide beads: layers that follow each other without a rest, pumps that run on.
 //!
 //! ```text
 //! Route --continuous, pump--> Route

@@ -1,8 +1,8 @@
-//! A pump that runs on: the flow of a pass falls before its end, and what the pump still gives fills the rest.
+//! A pump that runs on: the flow of a pass falls before its end, and the pump's residual flow fills the rest.
 //!
-//! In: curves of one pass, whose volume channel holds what the bead takes (mm³); the path that the pump's rest fills
-//! (mm). Out: the same curves with so much less volume. The flow falls evenly over the stop's length, half of it before
-//! the place where the pump is to stop and half after it. Leaves out the start, which is a prime.
+//! In: curves of one pass, whose volume channel holds the bead's volume (mm³); the length of path that the residual
+//! flow fills (mm). Out: the curves with correspondingly less volume. The flow falls evenly over the stop's length,
+//! half of it before the point where the pump is to stop and half after it. Not covered: the start, which is a prime.
 
 use crate::job::MotionState;
 use crate::plan::route::hop::is_right_above;

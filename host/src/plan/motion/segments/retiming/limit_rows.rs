@@ -1,10 +1,10 @@
-//! The limits of a fitted motion as rows over its squared pace.
+//! The limits of a fitted motion as rows over the square of its rate.
 //!
-//! In: a spline with its fit errors, the limits, a stretch of the pace's own spline. Out: rows at
-//! places a few ticks apart, the ends of its spans among them. Run at a pace p(t) with b = p², a joint
-//! that had q', q'', q''' (by the old time) has the speed q' sqrt(b), the acceleration
-//! q'' b + q' b' / 2 and the jerk (q''' b + 3/2 q'' b' + 1/2 q' b'') sqrt(b). All rows are scaled to a
-//! bound of 1. Left out: pressure advance's memory and flow events, which the check slows down.
+//! In: a spline with its fit errors, the limits, a stretch of the rate's own spline. Out: rows at
+//! points a few ticks apart, including the ends of its spans. At a rate p(t) with b = p², a joint that
+//! had q', q'', q''' (by the old time) has the speed q' sqrt(b), the acceleration q'' b + q' b' / 2
+//! and the jerk (q''' b + 3/2 q'' b' + 1/2 q' b'') sqrt(b). All rows are scaled to a bound of 1. Not
+//! covered: the lag of pressure advance and flow events, which the check slows down.
 
 use super::super::spline::{RestSpline, evaluate};
 use super::PaceGrid;

@@ -1,13 +1,12 @@
-//! Retiming: a fitted motion run anew, faster where every limit has room, slower where one is exceeded.
+//! Retiming: makes a fitted motion faster where every limit has room, slower where one is exceeded.
 //!
-//! In: the motion's spline, the errors of its fit, u at servo ticks. Out: u at the ticks of the new
-//! motion. The fitted spline is itself a curve with known derivatives by its own time t, so the
-//! motion of least time along it asks for the pace p(t) = dt_old / dt_new alone: near 1, and smooth
-//! even where the motion begins from rest. b = p² is a uniform cubic spline; the limits are rows over
-//! (b, b', b'') ([`limit_rows`]), jerk included; the least time is found in windows of some 0.7 s
-//! with their ends held, two sweeps of them, the second over the ends of the first
-//! ([`headway_optimiser::least_time`]). The windows of a sweep do not see each other, so that threads change nothing.
-//! Leaves out: that the new motion is fitted again. Its own check answers for every limit.
+//! In: the motion's spline, the errors of its fit, u at servo ticks. Out: u at the ticks of the new motion. The
+//! fitted spline is itself a curve with known derivatives by its own time t, so the motion of least time along it
+//! only needs the rate p(t) = dt_old / dt_new: near 1, and smooth even where the motion begins from rest. b = p² is a
+//! uniform cubic spline; the limits are rows over (b, b', b'') ([`limit_rows`]), jerk included; the least time is
+//! found in windows of some 0.7 s with fixed ends, in two sweeps, the second over the ends of the first
+//! ([`headway_optimiser::least_time`]). The windows of a sweep are independent, so the result does not depend on
+//! threads. Not covered: the new fit of the motion, whose own check enforces every limit.
 
 mod limit_rows;
 
