@@ -1,9 +1,9 @@
-//! COBS decoding in place, without a panic in it.
+//! COBS decoding in place, without panics.
 //!
-//! The `cobs` crate, which encodes for us, indexes its buffer where the compiler cannot see that
-//! the index is right: the panics stay in the controller's binary. Every access here is checked,
-//! and what would be out of bounds is an answer. Source: S. Cheshire and M. Baker, Consistent
-//! Overhead Byte Stuffing (1999).
+//! The `cobs` crate, which is used for encoding, indexes its buffer where the compiler cannot prove
+//! the index: the panics would stay in the controller's binary. Every access here is checked, and
+//! one out of bounds is a result. Source: S. Cheshire and M. Baker, Consistent Overhead Byte
+//! Stuffing (1999).
 
 /// Longest run of bytes without a zero behind it.
 const FULL_RUN: u8 = 0xff;

@@ -1,4 +1,4 @@
-//! What a status says of a motor's driver.
+//! The state of a motor's driver in a status.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Why a controller has stopped, with the value that tripped it, and how that reads.
+//! Why a controller has stopped, with the value that caused it, and the text of that.
 
 use serde::{Deserialize, Serialize};
 

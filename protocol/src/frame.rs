@@ -1,9 +1,9 @@
 //! Frames: COBS around sequence number, postcard message and CRC-32, ended by a zero byte.
 //!
-//! `COBS(sequence u16 LE | postcard bytes | CRC-32 u32 LE of all before it) 00`. The decoder takes
-//! bytes one by one, finds its feet again at every zero byte and never reads what the CRC did not
-//! cover. CRC-32/ISO-HDLC (the polynomial of Ethernet and zip). What sequence numbers mean is the
-//! receiver's affair; [`full_sequence`] widens the 16 bits on the wire.
+//! `COBS(sequence u16 LE | postcard bytes | CRC-32 u32 LE of all before it) 00`. The decoder reads
+//! bytes one by one, resynchronises at every zero byte and never uses data that the CRC did not
+//! cover. CRC-32/ISO-HDLC (the polynomial of Ethernet and zip). The receiver interprets sequence
+//! numbers; [`full_sequence`] widens the 16 bits on the wire.
 
 use crate::cobs_decode::decode_in_place;
 use crc::{CRC_32_ISO_HDLC, Crc};

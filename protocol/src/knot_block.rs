@@ -1,7 +1,7 @@
-//! Knot blocks: up to 32 knots, predicted and bit-packed, as they travel in `HostMessage::Knots`.
+//! Knot blocks: up to 32 knots, predicted and bit-packed, as sent in `HostMessage::Knots`.
 //!
 //! Each control point is predicted from the three before it by polynomial extrapolation over the
-//! Greville abscissae (t_{n+1} + t_{n+2} + t_{n+3}) / 3, where a smooth curve's control points lie
+//! Greville abscissae (t_{n+1} + t_{n+2} + t_{n+3}) / 3, where a smooth curve's control points are
 //! nearly on the curve; the residual is Rice coded. The extrapolation is integer arithmetic in
 //! 20-bit fixed point, the same on every machine: both sides keep a [`KnotPredictor`], reset by
 //! `Start`. Arithmetic on control points wraps at 32 bits, so any points can be sent. The layout is

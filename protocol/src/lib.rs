@@ -1,15 +1,15 @@
-//! Wire protocol of Headway (`no_std`, no heap): what crosses the line between host and controller.
+//! Wire protocol of Headway (`no_std`, no heap): the messages between host and controller.
 //!
 //! - [`units`]: the integer units of the seven channels.
 //! - [`segment`]: the motion as knots of a non-uniform cubic B-spline, and flow events tied to it.
-//! - [`knot_block`]: knots predicted and bit-packed, as they travel.
+//! - [`knot_block`]: knots as they are sent, predicted and bit-packed.
 //! - [`control`]: the commands that overtake the stream.
-//! - [`driver`]: what a status says of a motor's driver.
+//! - [`driver`]: the state of a motor's driver in a status.
 //! - [`fault`]: why a controller has stopped.
-//! - [`message`]: everything that either side can say.
+//! - [`message`]: all messages of both sides.
 //! - [`frame`]: COBS framing, CRC-32 and sequence numbers.
 //!
-//! `WIRE.md` beside this crate describes every byte.
+//! `WIRE.md` in this crate describes every byte.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -1,10 +1,11 @@
-//! Everything that host and controller can say to each other, as postcard enums.
+//! All messages between host and controller, as postcard enums.
 //!
-//! Two classes cross the line from host to controller. *Stream* messages ([`HostMessage::Knots`],
-//! [`HostMessage::Flow`], [`HostMessage::Finish`]) are numbered from `Start::first_sequence`, taken
-//! in order, exactly once, and held back by credits. *Control* messages (all others) have a
-//! numbering of their own, overtake the stream, and are taken when newer than the last one.
-//! `WIRE.md` has the bytes and the rules; this file has the types and the check of every field.
+//! There are two classes of messages from host to controller. *Stream* messages
+//! ([`HostMessage::Knots`], [`HostMessage::Flow`], [`HostMessage::Finish`]) are numbered from
+//! `Start::first_sequence`, accepted in order and exactly once, and limited by credits. *Control*
+//! messages (all others) have a numbering of their own, overtake the stream, and are accepted if
+//! newer than the last one. `WIRE.md` has the bytes and the rules; this file has the types and the
+//! check of every field.
 
 pub use crate::control::{
     Control, DECIDEGREES_MAX, EVENT_DURATION_TICKS_MAX, EVENT_VOLUME_UNITS_MAX, FLOW_PERCENT_RANGE,

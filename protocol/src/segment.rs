@@ -1,14 +1,14 @@
 //! The motion on the wire: knots of a non-uniform cubic B-spline in seven channels.
 //!
-//! Knot n carries control point P_n and a span duration. Span n is the piece of the curve whose
+//! Knot n carries control point P_n and a span duration. Span n is the part of the curve whose
 //! active control points are P_{n-3}..P_n; its shape also needs the durations of the two spans
-//! before and the two spans after it. Knot n therefore carries the duration of span n + 2, so
-//! that span n can run as soon as knot n has arrived.
+//! before and the two spans after it. Knot n therefore carries the duration of span n + 2, so that
+//! span n can run as soon as knot n has arrived.
 //!
-//! With h_i the duration of span i and T the knots around span n
-//! (t0 = start of span n-2, ... t5 = end of span n+2), de Boor's algorithm applies as usual.
-//! A stream starts at rest: P_{-3} = P_{-2} = P_{-1} = start, and h_{-2} = h_{-1} = h_0 = h_1 =
-//! [`REST_TICKS`]. Three equal control points in a row are rest, exactly on them.
+//! With h_i the duration of span i and T the knots around span n (t0 = start of span n-2, ... t5 =
+//! end of span n+2), de Boor's algorithm applies as usual. A stream starts at rest: P_{-3} = P_{-2}
+//! = P_{-1} = start, and h_{-2} = h_{-1} = h_0 = h_1 = [`REST_TICKS`]. Three equal control points
+//! in a row are a rest, exactly on them.
 
 use crate::units::{ChannelPoint, Ticks};
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! Why a board does not take new settings, and where in them that is.
+//! Why a board refuses new settings, with the place in them.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,6 @@
 //! Integer units of the motion channels, and the only place where they are converted.
 //!
-//! Positions travel as integers so that nothing drifts: any integers give an exactly C² curve.
+//! Positions are sent as integers so that nothing drifts: any integers give an exactly C² curve.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,5 +1,5 @@
-//! Goal: the bytes that WIRE.md states are those that this build writes and reads.
-//! Method: every line of its golden block is encoded again, compared, and decoded.
+//! Goal: the bytes in WIRE.md are those that this build writes and reads. Method: every line of its
+//! golden block is encoded again, compared, and decoded.
 
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame};
 use headway_protocol::knot_block::{KnotPredictor, decode_block, encode_block};

@@ -1,12 +1,12 @@
 //! The nozzle's aperture A0 through its support function.
 //!
 //! The aperture is centred on the tool with its long axis along tool X; `heading` turns it
-//! counter-clockwise in the layer plane. Everything downstream asks only for extents, support
-//! points and the methods here, so that every convex shape can be planned.
+//! counter-clockwise in the layer plane. Later stages use only extents, support points and the
+//! methods here, so that every convex shape can be planned.
 //!
-//! What the planner calls a and b are half the greatest and half the least width over all
-//! directions: the semi-axes of an ellipse, half the length and width of a slot, half the diagonal
-//! and width of a rectangle.
+//! The planner's a and b are half the greatest and half the least width over all directions: the
+//! semi-axes of an ellipse, half the length and width of a slot, half the diagonal and width of a
+//! rectangle.
 
 use super::rounded_polygon::{CORNERS_MAX, Kind, RoundedPolygon, row_range};
 use super::{Point2, Vector2};

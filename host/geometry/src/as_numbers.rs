@@ -1,6 +1,6 @@
 //! Points in files, as two numbers.
 //!
-//! In and out: mm; for `serde(with)`, bit for bit where the format keeps numbers so.
+//! In and out: mm; for `serde(with)`, exact to the bit if the format keeps numbers exactly.
 
 use super::Point2;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

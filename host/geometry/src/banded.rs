@@ -1,9 +1,9 @@
 //! Symmetric positive definite systems of half bandwidth 3, by LDLᵀ.
 //!
-//! In: the upper band, right sides with any number of columns. Out: the solutions. Here, since the headings of beads,
-//! the fit and the retiming couple up to four neighbours. Source: Golub and Van Loan,
-//! "Matrix Computations" (2013), 4.3.6. Leaves out pivoting: a pivot that rounding has brought to 0
-//! is taken as the least positive number.
+//! In: the upper band, right-hand sides with any number of columns. Out: the solutions. Why here: the headings of
+//! beads, the fit and the retiming couple up to four neighbours. Source: Golub and Van Loan, "Matrix Computations"
+//! (2013), 4.3.6. Not covered: pivoting: a pivot that rounding has reduced to 0 is replaced by the least positive
+//! number.
 
 /// The band: `rows[i][k]` couples unknowns i and i + k.
 #[derive(Clone, Debug, Default)]

@@ -1,8 +1,8 @@
 //! Unions, differences and fills of rings, by i_overlay.
 //!
-//! Coordinates go through a fine integer grid on the way (the box's size / 2^30 or better).
-//! Results are valid regions in the sense of [`super::validity`]: exteriors counter-clockwise, holes
-//! clockwise, nothing crosses.
+//! Coordinates are rounded to a fine integer grid (the box's size / 2^30 or better). Results are
+//! valid regions in the sense of [`super::validity`]: exteriors counter-clockwise, holes clockwise,
+//! nothing crosses.
 
 use super::Point2;
 use super::polygon::{Region, Ring};

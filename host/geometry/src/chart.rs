@@ -1,10 +1,10 @@
-//! Charts of curved ground: the plane that a plan is made in -> places in space, with how lengths stretch there.
+//! Charts of curved surfaces: the plane of a plan -> points in space, with the stretch of lengths there.
 //!
-//! In: a place of the chart and a height above the ground along its normal, mm. Out: a [`SurfaceFrame`]. A [`Chart`]
+//! In: a point of the chart and a height above the surface along its normal, mm. Out: a [`SurfaceFrame`]. A [`Chart`]
 //! is the plane itself, heights over a plane ([`SplineSurface`]), or a patch that was flattened without shear
-//! ([`PatchChart`], by [`crate::conformal`]), where lengths stretch by one number at a place. Layers lie on parallel
-//! surfaces: the point S + t n for the layer whose top is t above the ground S with normal n, so that every layer is as
-//! thick along the normal.
+//! ([`PatchChart`], by [`crate::conformal`]), where lengths stretch by one factor at each point. Layers are on
+//! parallel surfaces: the point S + t n for the layer whose top is t above the surface S with normal n, so that every
+//! layer has the same thickness along the normal.
 
 use super::polygon::Box2;
 use super::spline_surface::{PatchSplines, SplineSurface};

@@ -1,9 +1,9 @@
-//! How well a placed aperture keeps inside a region: one query, no grid, no tolerance.
+//! Clearance of a placed aperture inside a region: one query, no grid, no tolerance.
 //!
-//! For the ellipse: rotate by -heading, scale by (1/a, 1/b); the aperture is inside exactly when
-//! its centre is and the scaled boundary comes no closer than 1 to the origin (docs/design/heading-law.md).
-//! For slots, rectangles and polygons the boundary is brought into the tool's frame and parted from
-//! the shape there ([`super::rounded_polygon`]); the gap is given as a share of b.
+//! For the ellipse: rotate by -heading, scale by (1/a, 1/b); the aperture is inside exactly when its centre
+//! is and the scaled boundary is no closer than 1 to the origin (docs/design/heading-law.md). For slots,
+//! rectangles and polygons the boundary is transformed into the tool's frame and its distance from the
+//! shape found there ([`super::rounded_polygon`]); the gap is given as a share of b.
 
 use super::aperture::{Aperture, Turn};
 use super::edge_index::{Edge, EdgeIndex};

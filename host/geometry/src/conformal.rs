@@ -1,11 +1,11 @@
 //! A patch of triangles flattened without shear: the least-squares conformal map of its vertices.
 //!
-//! In: vertices (mm) and triangles of one connected patch with a rim. Out: a place in the plane for each vertex; the
-//! patch keeps its area in all. Angles are kept as well as triangles allow, so that a plan made in the plane has its
-//! angles on the patch too, and what can be unrolled is unrolled. Source: Lévy, Petitjean, Ray, Maillot 2002. The
-//! map is the least of the squares of what each triangle is sheared by, two far vertices held; the normal equations are
-//! ordered by breadth (Cuthill, McKee 1969) and solved within their envelope ([`Envelope`]). Leaves out patches without a rim
-//! and cuts: whoever calls sees to those.
+//! In: vertices (mm) and triangles of one connected patch with a rim. Out: a point in the plane for each vertex; the
+//! patch keeps its total area. Angles are kept as well as the triangles permit, so that a plan made in the plane has
+//! the same angles on the patch, and developable patches are unrolled. Source: Lévy, Petitjean, Ray, Maillot 2002.
+//! The map minimises the sum of squares of each triangle's shear, with two distant vertices fixed; the normal
+//! equations are ordered by breadth (Cuthill, McKee 1969) and solved within their envelope ([`Envelope`]). Not
+//! covered: patches without a rim, and cuts; the caller handles them.
 
 use super::envelope::Envelope;
 use super::{Point2, Vector2};

@@ -1,9 +1,8 @@
-//! What a set of swept placements covers: a raster over a region that counts visits.
+//! The area that a set of swept placements covers: a raster over a region that counts visits.
 //!
-//! A cell is covered when its centre lies in any placement, overlapped when it is visited by two
-//! passes or by one that left it and came back more than `return_mm` of path later.
-//! Cells are processed in bands of rows, in parallel, with the same result for any number of
-//! threads.
+//! A cell is covered if its centre is in any placement, overlapped if it is visited by two passes
+//! or by one that left it and returned after more than `return_mm` of path. Cells are processed in
+//! bands of rows, in parallel, with the same result for any number of threads.
 
 use super::aperture::Aperture;
 use super::cell_grid::{ASIDE, CellGrid, CellWindow, NO_COLUMNS, for_beyond};

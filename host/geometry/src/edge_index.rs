@@ -1,7 +1,7 @@
 //! A uniform grid over the edges of a region: nearest edge, edges in a box, containment.
 //!
-//! Chosen over a tree because queries are local (a few aperture lengths) and the grid is built in
-//! one pass; cells hold edge numbers in compressed rows. Memory is bounded by [`CELLS_MAX`].
+//! A grid instead of a tree because queries are local (a few aperture lengths) and it is built in
+//! one scan; cells contain edge numbers in compressed rows. Memory is bounded by [`CELLS_MAX`].
 
 use super::polygon::{Box2, Region};
 use super::{Point2, Vector2};

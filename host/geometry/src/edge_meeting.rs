@@ -1,7 +1,7 @@
-//! How two edges meet: not at all, in a point, or along a piece that they share.
+//! How two edges meet: not at all, in a point, or along a common part.
 //!
-//! In: edges, mm. Out: [`Meeting`], decided by exact orientation predicates; only the place of a
-//! crossing is rounded. Leaves out: edges of no length.
+//! In: edges, mm. Out: [`Meeting`], decided by exact orientation predicates; only the position of a
+//! crossing is rounded. Not covered: edges of length 0.
 
 use super::Point2;
 use super::edge_index::Edge;

@@ -1,9 +1,9 @@
 //! Symmetric positive definite systems within their envelope, by LLᵀ.
 //!
-//! In: the first column of each row, entries on and below the diagonal, a right side. Out: the solution. The envelope
-//! fills up and does not grow, so that the order of the unknowns decides what it costs. Source: Golub and Van Loan,
-//! "Matrix Computations" (2013), 4.3. Leaves out pivoting: a pivot that rounding has brought to 0 is taken as the least
-//! positive number.
+//! In: the first column of each row, entries on and below the diagonal, a right-hand side. Out: the solution. The
+//! envelope fills up and does not grow, so the order of the unknowns determines the cost. Source: Golub and Van Loan,
+//! "Matrix Computations" (2013), 4.3. Not covered: pivoting: a pivot that rounding has reduced to 0 is replaced by
+//! the least positive number.
 
 /// Normal equations in their envelope: row i has the columns from `first[i]` to i.
 #[derive(Clone, Debug)]

@@ -1,18 +1,17 @@
-//! A frame of a region's own, so that the same region given turned or mirrored is planned the same.
+//! A region's own frame, so that the same region, rotated or mirrored, gets the same plan.
 //!
-//! Rasters and sweeps follow the axes, so what they decide depends on how a region lies. In its own
-//! frame it always lies the same way:
-//! - the axes lie along most of the boundary, by the mean of e^{4 i theta} over its length; where no
-//!   direction prevails (a disk, a gear), the first axis points to a vertex farthest out;
-//! - which of the quarter turns, farthest vertices and mirror images it is, the moments of the
-//!   boundary say, and where they are none (the teeth of a gear), how the boundary goes on from the
-//!   vertex to either side.
+//! Rasters and sweeps follow the axes, so their results depend on the orientation of a region. In
+//! its own frame it always has the same one:
+//! - the axes are along most of the boundary, by the mean of e^{4 i theta} over its length; where no
+//!   direction prevails (a disk, a gear), the first axis points to a farthest vertex;
+//! - the moments of the boundary choose among quarter turns, farthest vertices and mirror images,
+//!   and if they vanish (the teeth of a gear), the boundary on either side of the vertex does.
 //!
-//! All of it is integrated or walked along the boundary, so needless points change nothing. Shapes
-//! that come out the same in several frames are symmetric, and any of these frames serves.
+//! All of it is integrated or traversed along the boundary, so needless points change nothing.
+//! Shapes that are equal in several frames are symmetric, and any of these frames can be used.
 //!
-//! What comes out is snapped ([`Frame::snapped_in`]): the same to the last digit, so that nothing
-//! that is decided on it later hangs on how turning and shifting were rounded.
+//! The result is snapped ([`Frame::snapped_in`]): it is the same to the last digit, so that no
+//! later decision depends on how rotations and shifts were rounded.
 
 use super::clearance::Configuration;
 use super::polygon::{Box2, Region, Ring};

@@ -1,4 +1,4 @@
-//! Planar geometry under the planner: shapes, apertures, distances. Knows no planning.
+//! Planar geometry for the planner: shapes, apertures, distances. Contains no planning.
 #![forbid(unsafe_code)]
 
 pub mod aperture;

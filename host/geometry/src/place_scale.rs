@@ -1,11 +1,12 @@
-//! How large the nozzle is in a chart: lengths on curved ground against those of its flattened plan, by place.
+//! The size of the nozzle in a chart: lengths on a curved surface relative to those of its flattened plan, by
+//! position.
 //!
-//! In: a chart and the height of the layer, mm. Out: a [`ScaleField`], the length lambda on the layer for one of the
-//! chart, as a smooth function of the place in a region's frame. A nozzle that is a x b on the ground is a / lambda x
-//! b / lambda in the chart. Where lambda changes over the nozzle's length, its outline is not quite an ellipse there: a
-//! step v on the ground leads to v - (g . v) v + |v|² g / 2 in the chart, with g the gradient of ln lambda (the
-//! exponential map of a conformal metric to second order; do Carmo, "Riemannian Geometry", 3.2). Of that a shift
-//! of the centre along the long axis is most, and the rest is known at a contact.
+//! In: a chart and the height of the layer, mm. Out: a [`ScaleField`], the length lambda on the layer per length of
+//! the chart, as a smooth function of the position in a region's frame. A nozzle that is a x b on the surface is a /
+//! lambda x b / lambda in the chart. Where lambda changes over the nozzle's length, its outline is not quite an
+//! ellipse there: a step v on the surface becomes v - (g . v) v + |v|² g / 2 in the chart, with g the gradient of ln
+//! lambda (the exponential map of a conformal metric to second order; do Carmo, "Riemannian Geometry", 3.2). Most of
+//! that is a shift of the centre along the long axis, and the rest is known at a contact.
 
 use super::aperture::Aperture;
 use super::chart::Chart;

@@ -1,7 +1,8 @@
 //! The curve of a pass in the layer plane: a uniform cubic B-spline in (x, y, heading).
 //!
-//! Input: control points and a place on the curve. Output: the point there, mm and rad. Ends are
-//! natural: phantom control points beyond them make the curve begin and end in its outermost ones.
+//! Input: control points and a parameter of the curve. Output: the point there, mm and rad. Ends
+//! are natural: phantom control points beyond them make the curve begin and end in its outermost
+//! ones.
 
 use crate::Point2;
 use crate::clearance::Configuration;

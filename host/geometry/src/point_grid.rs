@@ -1,4 +1,4 @@
-//! Things by where they are: those about a place are found without looking at all.
+//! Items by position: finds those around a point without searching all of them.
 
 use crate::Point2;
 use crate::polygon::Box2;

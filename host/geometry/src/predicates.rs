@@ -1,7 +1,7 @@
 //! Exact orientation of three points.
 //!
-//! Rounding decides wrongly just where it matters (does this vertex lie on that edge?), so the sign
-//! is exact: the `robust` crate's adaptive predicate.
+//! Rounding gives wrong answers exactly where they matter (is this vertex on that edge?), so the
+//! sign is exact: the `robust` crate's adaptive predicate.
 //! Source: J. R. Shewchuk, "Adaptive precision floating-point arithmetic", 1997.
 //! Exact for coordinates whose products neither overflow nor underflow (1e-140 to 1e140).
 

@@ -1,7 +1,7 @@
-//! Mends outlines that cross or overlap: what the fill rule fills becomes valid regions.
+//! Repairs outlines that cross or overlap: the area of the fill rule becomes valid regions.
 //!
-//! Coordinates go through a fine integer grid on the way (the part's size / 2^30 or better), so
-//! even untouched corners can move by far less than a nanometre on a printable part.
+//! Coordinates are rounded to a fine integer grid (the part's size / 2^30 or better), so even
+//! untouched corners can move by far less than a nanometre on a printable part.
 
 use super::boolean::filled;
 use super::polygon::Region;

@@ -2,9 +2,9 @@
 //!
 //! A core (a convex polygon, or a line for the slot) grown by a radius. In: corners in mm about the
 //! tool's axis, long side along tool X. Out: support function, distance to a wall, rows of a
-//! raster. All in the tool's own frame; [`super::aperture`] turns it. Corners are held in place, so
-//! that an aperture can be copied.
-//! Left out: outlines that are not convex, and arcs of different radii.
+//! raster. All in the tool's own frame; [`super::aperture`] rotates it. Corners are stored inline,
+//! so that an aperture is `Copy`. Not covered: outlines that are not convex, and arcs of different
+//! radii.
 
 use super::Vector2;
 

@@ -1,10 +1,10 @@
 //! Scattered heights -> a smooth surface z(x, y) that stays near them.
 //!
-//! In: points on the surface (mm) and how far it may be off them. Out: a uniform bicubic B-spline of one
-//! height a place, C², on the coarsest grid that is near enough: facets of a mesh are smoothed away as far
-//! as that allows. Each grid's heights are the least squares of what is off plus a little of their second
-//! differences, which says where the surface goes beyond the points (P. Eilers, B. Marx 1996: P-splines),
-//! solved by conjugate gradients. Leaves out overhangs: one height a place.
+//! In: points on the surface (mm) and the largest deviation from them. Out: a uniform bicubic B-spline
+//! with one height at each position, C², on the coarsest grid within that deviation: facets of a mesh are
+//! smoothed as far as it permits. Each grid's heights minimise the squared deviations plus a small weight
+//! on their second differences, which defines the surface beyond the points (P. Eilers, B. Marx 1996:
+//! P-splines), solved by conjugate gradients. Not covered: overhangs.
 
 use super::Point2;
 use super::chart::ChartJet;

@@ -1,9 +1,9 @@
-//! How tangled rings are: about how often their edges cross, before anything is concluded from them.
+//! An estimate of how often the edges of rings cross, made before they are evaluated.
 //!
-//! What is drawn as an outline crosses itself nowhere, or in some places by mistake. A scribble of n
-//! long edges crosses itself up to n²/2 times, and to find all of that, or to mend it, takes time and
-//! memory without end. A sample of pairs tells the two apart at once: an estimate, the same for the same
-//! rings, within a tenth where it matters. Leaves out how edges touch, which is `validity`'s.
+//! A drawn outline crosses itself nowhere, or in some places by mistake. A scribble of n long edges
+//! crosses itself up to n²/2 times, and finding or repairing all of that takes excessive time and
+//! memory. A sample of pairs distinguishes the two at once: an estimate, the same for the same rings,
+//! within a tenth where it matters. Not covered: how edges touch (`validity`).
 
 use super::edge_index::Edge;
 use super::predicates::orientation;

@@ -1,4 +1,4 @@
-//! Apertures, walls and chance for the tests of this room and of `plan`.
+//! Apertures, walls and random numbers for the tests of this crate and of `plan`.
 
 use super::aperture::Aperture;
 use super::edge_index::EdgeIndex;

@@ -1,10 +1,11 @@
-//! Regions whose boundary touches itself in a vertex, drawn so that every ring turns back there.
+//! Regions whose boundary touches itself in a vertex, rewritten so that every ring turns back
+//! there.
 //!
-//! A region as thick as nothing at a vertex has several boundaries: one ring may go straight on past
-//! another that touches it, or both turn into each other. Whoever follows a ring along its inside must
-//! not walk through a passage of no width, so each ring here goes on to the edge that bounds the same
-//! corner of the inside. Input: a region. Output: the same ground, in several regions where it hangs
-//! together by such vertices alone.
+//! A region of zero thickness at a vertex has several possible boundaries: one ring may pass straight
+//! by another that touches it, or both turn into each other. An algorithm that follows a ring along
+//! its inside must not go through a passage of zero width, so each ring here continues with the edge
+//! that bounds the same corner of the interior. Input: a region. Output: the same area, as several
+//! regions where only such vertices connect it.
 
 use super::Point2;
 use super::polygon::{Region, Ring};

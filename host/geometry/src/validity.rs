@@ -2,8 +2,8 @@
 //!
 //! Rings simple (no crossing, no touching themselves, no spike), holes inside the exterior and
 //! outside each other, rings meeting in single points at most, interior connected. Repeated points
-//! are allowed, as is a repeated closing point; orientation is not judged. Decided with exact
-//! predicates on the coordinates as given: no tolerance. Cost: a grid, so about linear.
+//! are allowed, as is a repeated closing point; orientation is not checked. The check uses exact
+//! predicates on the given coordinates, without a tolerance. Cost: a grid, so about linear.
 
 use super::edge_index::{Edge, EdgeIndex};
 use super::edge_meeting::{Meeting, meeting};

@@ -1,8 +1,8 @@
 //! The normal equations of the optimiser: a gradient and a symmetric banded matrix.
 //!
-//! In: slopes and curvatures of single poses, added to the four knots that carry each. Out: the solution of the
-//! system by Cholesky's method without roots (L D Lᵀ). Unknown `4 k + c` is channel c of knot k; a span couples
-//! four knots, so the half bandwidth is 15.
+//! In: slopes and curvatures of single poses, added to the four knots of each. Out: the solution of the system
+//! by Cholesky's method without roots (L D Lᵀ). Unknown `4 k + c` is channel c of knot k; a span couples four
+//! knots, so the half bandwidth is 15.
 
 use super::curve::CHANNELS;
 

@@ -1,8 +1,8 @@
 //! Keeping the aperture inside the walls: signed distance of each pose to each edge near it.
 //!
-//! In: knots and walls. Out: value, gradient and curvature of a penalty on what comes nearer to a wall than a margin.
-//! The distance is exact where the wall touches the aperture and of first order elsewhere. Edges near a span are
-//! kept until it has moved.
+//! In: knots and walls. Out: value, gradient and curvature of a penalty on poses nearer to a wall than a margin. The
+//! distance is exact where the wall touches the aperture and of first order elsewhere. Edges near a span are kept
+//! until it has moved.
 
 use super::Site;
 use super::band::{PoseTerm, System};

@@ -1,6 +1,6 @@
-//! The unknowns of the optimiser: knots of a uniform cubic B-spline of the pose and of the pace.
+//! The unknowns of the optimiser: knots of a uniform cubic B-spline of the pose and of the speed.
 //!
-//! In: the passes, mm, rad and log s. Out: knots without dimension, phantom knots at the ends included, and the
+//! In: the passes, mm, rad and log s. Out: dimensionless knots, including phantom knots at the ends, and the
 //! weights of the four knots of a span with their derivatives. Lengths are in a (half the aperture's length), times
 //! in mean spans, so that one set of constants serves nozzles and machines of any size.
 

@@ -1,8 +1,10 @@
-//! Curves that a wide bead cannot take: its outside would get too much against its inside.
+//! Curves that are too tight for a wide bead: the ratio of material outside to inside would be too
+//! large.
 //!
-//! In: knots of the pose, the aperture, the bound of width by radius. Out: value, slope and Gauss-Newton curvature of what
-//! exceeds it. With the path's curvature k and the bead's width w across the path, |k| w is bounded: the path is
-//! rounded, or the nozzle turns its narrow side to the curve. Leaves out the pace: a curve is as tight at any speed.
+//! In: knots of the pose, the aperture, the bound of width by radius. Out: value, slope and Gauss-Newton curvature of
+//! the excess. With the path's curvature k and the bead's width w across the path, |k| w is bounded: the path is
+//! rounded, or the nozzle turns its narrow side to the curve. Not covered: the speed, which does not affect this
+//! ratio.
 
 use super::OptimisedPass;
 use super::curve::{Basis, CHANNELS, Knot, PassKnots, Units, blend, knots_of, set_phantoms};

@@ -1,8 +1,8 @@
-//! The price of ground left open or laid twice.
+//! The price of area left open or laid twice.
 //!
-//! In: the sweep of the passes. Out: value, gradient and curvature. A cell's cover is the sum of its visits and of
-//! what the wall stands for; 1 is right, less is open, more is laid twice. Each cell hands its slope to the two
-//! contacts of the strip that it is beside, each contact to the four knots of its pose.
+//! In: the sweep of the passes. Out: value, gradient and curvature. A cell's coverage is the sum of its visits and
+//! of the wall's contribution; 1 is correct, less is open, more is laid twice. Each cell passes its slope to the
+//! two contacts of the adjacent strip, each contact to the four knots of its pose.
 
 use super::band::{PoseTerm, System};
 use super::curve::{Knot, PassKnots};

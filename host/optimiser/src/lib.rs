@@ -1,17 +1,16 @@
-//! The optimiser: the finished passes of a region, made better all at once by one objective.
+//! The optimiser: improves the finished passes of a region together by one objective.
 //!
 //! ```text
 //! OptimisedPass --knots--> seconds + price (open + share of laid twice) --Gauss-Newton--> OptimisedPass
 //! (mm, rad, log s)         within limits and walls                                        (mm, rad, log s)
 //! ```
 //!
-//! What the stages before decide is topology: which beads there are and how they are joined. Path, heading and pace
-//! are then unknowns of one problem: control points of a uniform cubic B-spline of x, y, heading and the log of the
-//! span's time. The objective is time, ground by strips along the edge of the sweep (`sweep`), limits of motion
-//! (`motion`) and walls (`containment`); one banded system is solved an iteration (`newton`). Numbers are
-//! without dimension, so that one set of constants serves nozzles and machines of any size. One thread for a region:
-//! what comes out does not depend on their number.
-//! What it leaves out: flow. A finished motion is run in the least time by [`least_time`].
+//! The earlier stages decide the topology: the beads and how they are joined. Path, heading and speed are then
+//! unknowns of one problem: control points of a uniform cubic B-spline of x, y, heading and the log of the span's
+//! time. The objective is time, area by strips along the edge of the sweep (`sweep`), limits of motion (`motion`)
+//! and walls (`containment`); one banded system is solved in each iteration (`newton`). Numbers are dimensionless,
+//! so that one set of constants serves nozzles and machines of any size. Each region uses one thread, so the result
+//! does not depend on their number. Not covered: flow. [`least_time`] minimises the time of a finished motion.
 #![forbid(unsafe_code)]
 
 mod band;

@@ -1,9 +1,9 @@
-//! Seconds and limits of the motion, as residuals at a few places of each span.
+//! Time and limits of the motion, as residuals at a few points of each span.
 //!
-//! In: knots of pose and pace. Out: value, gradient and Gauss-Newton curvature of the printing time, of what exceeds
-//! the limits, and of small regularising terms. With w the log of the span's time, q' the derivative by the
-//! spline's parameter and e = exp(-w), the velocity is e q', the acceleration e² (q'' - w' q') and the jerk
-//! e³ (q''' - 3 w' q'' - w'' q' + 2 w'² q'): path and time law are one problem. What leaves out: flow.
+//! In: knots of pose and speed. Out: value, gradient and Gauss-Newton curvature of the printing time, of the excess
+//! over the limits, and of small regularising terms. With w the log of the span's time, q' the derivative by the
+//! spline's parameter and e = exp(-w), the velocity is e q', the acceleration e² (q'' - w' q') and the jerk e³ (q''' -
+//! 3 w' q'' - w'' q' + 2 w'² q'): path and time law are one problem. Not covered: flow.
 
 use super::band::System;
 use super::curve::{Basis, CHANNELS, Knot, PACE, PassKnots, Units, blend};

@@ -1,7 +1,7 @@
 //! The iterations: damped Gauss-Newton steps on one banded system, limits soft at first and then hardened.
 //!
-//! In: knots and the terms of the objective. Out: better knots. Limits that are hard from the start hold the path
-//! where it is; soft ones let it find another shape, which then is brought within them in steps (continuation).
+//! In: knots and the terms of the objective. Out: better knots. Limits that are hard from the start keep the path
+//! in place; soft ones permit another shape, which is then brought within them in steps (continuation).
 
 use super::band::{System, WIDTH};
 use super::containment::{Containment, Wall};

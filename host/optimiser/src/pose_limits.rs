@@ -1,6 +1,7 @@
 //! Limits of the motion of a pose in the plane (x, y, heading).
 //!
-//! In: limits as numbers, mm or rad and s. Out: the time of a move from rest to rest. Leaves out flow and z.
+//! In: limits as numbers, mm or rad and s. Out: the time of a move from rest to rest. Not covered: flow and
+//! z.
 
 /// Limits of one axis of the pose: mm or rad, and s.
 #[derive(Clone, Copy, Debug)]

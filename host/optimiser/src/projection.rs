@@ -1,7 +1,8 @@
-//! The last projection: what is still outside the walls is brought inside by the least change of the path.
+//! The last projection: moves poses that are still outside the walls inside by the least change of the
+//! path.
 //!
-//! In: the optimised passes. Out: the same within the walls, checked densely by the exact depth
-//! ([`headway_geometry::clearance`]), which is not the optimiser's own. Steps of Gauss and Newton on containment alone.
+//! In: the optimised passes. Out: the passes within the walls, checked densely by the exact depth
+//! ([`headway_geometry::clearance`]), which is independent of the optimiser. Gauss-Newton steps on containment only.
 
 use super::band::System;
 use super::containment::{Containment, Wall};

@@ -1,4 +1,4 @@
-//! The sum that is made as small as possible, by its parts.
+//! The minimised sum, by its terms.
 //!
 //! In and out: numbers in the optimiser's units (times in mean spans, areas in a²).
 

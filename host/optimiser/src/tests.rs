@@ -1,4 +1,4 @@
-//! Tests of the optimiser as a whole: what it makes better, what it leaves alone, what it must not depend on.
+//! Tests of the complete optimiser: what it improves, what it leaves unchanged, what it must not depend on.
 
 use super::projection::outside_mm;
 use super::test_passes::{apertures, limits, objective, pass_of, rectangle, site, wavering_bead};

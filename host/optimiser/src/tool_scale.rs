@@ -1,8 +1,8 @@
-//! How large the tool is at a pose, in the optimiser's units.
+//! The size of the tool at a pose, in the optimiser's units.
 //!
-//! In: a pose in a and rad, and the scale by place where the plane is the chart of curved ground. Out: size of the tool
-//! against that of the plane, its middle off the pose's own, in a. On flat ground the size is exactly 1 and the
-//! middle exactly the pose's, so that nothing changes there.
+//! In: a pose in a and rad, and the scale by position if the plane is the chart of a curved surface. Out: size of the
+//! tool relative to that in the plane, and the offset of its middle from the pose's, in a. On a flat surface the size
+//! is exactly 1 and the offset exactly 0, so that nothing changes there.
 
 use super::curve::{Knot, Units};
 use headway_geometry::Vector2;

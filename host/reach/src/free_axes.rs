@@ -1,11 +1,12 @@
-//! F(p) for tool axes: those at which a head with its tip at p touches nothing, and the nearest of them.
+//! F(p) for tool axes: those at which a head with its tip at p is clear of everything, and the nearest
+//! of them.
 //!
-//! Each place that stands forbids one cap of the sphere of axes (its direction from the tip, the head's half
-//! angle at its distance); what is left of some cones about given axes is F. The nearest axis of F to a wish is the wish,
-//! a foot of it on a circle that bounds a cap or a cone, or a place where two circles cut. Caps are added as
-//! they are met: the best candidate that the known ones leave is tried, the point that it holds deepest adds
-//! its cap, and so on, until it holds none, or none is left. What is found so is exact for all points: no cap that was
-//! left out forbids it, and every nearer axis is forbidden by a known one.
+//! Each obstacle point excludes one cap of the sphere of axes (its direction from the tip, the head's half angle at
+//! its distance); F is the rest of some cones about given axes. The axis of F nearest to a desired axis is that axis,
+//! its foot on a circle that bounds a cap or a cone, or an intersection of two circles. Caps are added as they are
+//! found: the best candidate outside the known ones is tried, the point deepest inside the head adds its cap, and so
+//! on, until no point is inside, or no candidate remains. The result is exact for all points: no other cap excludes
+//! it, and every nearer axis is excluded by a known one.
 
 use crate::standing::Standing;
 use crate::touch::{Head, Touch};

@@ -1,4 +1,4 @@
-//! What a tilting head holds in space, against what already stands there.
+//! The space that a tilting head occupies, checked against obstacles and earlier print.
 //!
 //! ```text
 //! knots (height, radius) --profile--> HeadProfile      a solid of revolution about the tool axis
@@ -7,8 +7,8 @@
 //! tips, wish, HeadProfile, Standing --free_axes--> the nearest free axis, or that there is none
 //! ```
 //!
-//! All lengths in mm, angles in rad; a pose is a tip and a unit vector from it into the head. Knows no
-//! machine and no planning.
+//! All lengths in mm, angles in rad; a pose is a tip and a unit vector from it into the head. Contains
+//! no machines and no planning.
 #![forbid(unsafe_code)]
 
 pub mod free_axes;

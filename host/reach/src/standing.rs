@@ -1,10 +1,12 @@
-//! What stands: points in the order in which they come to be, in a tree whose nodes know their earliest.
+//! Obstacles and print: points in the order of printing, in a tree whose nodes store their earliest
+//! point.
 //!
-//! Each point stands for a disc of material about it: a bead is as wide in its layer. For a head it is two places, its
-//! middle and its edge, the place of the disc nearest to the tip's foot on its plane. A query says how many points stand
-//! already ("before"), and a node whose earliest point comes later is passed over. Bounding boxes, halved near
-//! the median of their longest side; both halves of a box lie in one line of the cache, eight points in two, in single
-//! precision: enough to pass over most of them, the others are looked at as they are.
+//! Each point represents a disc of material about it, as wide as the bead in its layer. The head is checked against
+//! two points of it, its middle and its edge, the point of the disc nearest to the tip's foot on its plane. A query
+//! gives the number of points that exist already ("before"), and a node whose earliest point comes later is skipped.
+//! The nodes are bounding boxes, halved near the median of their longest side; both halves of a box are in one cache
+//! line, eight points in two, in single precision: this suffices to skip most of them, and the others are checked
+//! exactly.
 
 use crate::Vector3;
 

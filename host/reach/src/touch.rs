@@ -1,8 +1,8 @@
-//! Whether a head at a pose touches what stands, and whether it can between two poses.
+//! Whether a head at a pose collides with obstacles or print, and whether it can between two poses.
 //!
-//! A place is touched where it is higher above the tip's plane than the slack, below the head's top, and closer to
-//! the axis than the head's radius there; a point where its middle or its edge is. All of it is exact for the points; a
-//! box is passed over where none of its points can be.
+//! The head touches a position that is higher above the tip's plane than the slack, below the head's top, and closer
+//! to the axis than the head's radius there; it touches a point if it touches its middle or its edge. All of it is
+//! exact for the points; a box is skipped if none of its points can be touched.
 
 use crate::profile::HeadProfile;
 use crate::standing::{

@@ -1,5 +1,5 @@
-//! How fast touches and free axes are found: `cargo test --release -p headway-reach -- --ignored --nocapture`. Times of
-//! one machine mean nothing alone: beside them stands brute force over the same points in the same run.
+//! Speed of finding collisions and free axes: `cargo test --release -p headway-reach -- --ignored --nocapture`. Times
+//! of one machine alone mean little, so brute force over the same points is measured in the same execution.
 
 use headway_reach::free_axes::{Cap, Found, Place, nearest_free};
 use headway_reach::profile::HeadProfile;

@@ -1,13 +1,13 @@
 //! Least time over a window of a motion: a primal-dual interior-point method.
 //!
-//! In: the squared pace b(t) as a uniform cubic spline (t the old time, b = (dt_old / dt_new)²), some
+//! In: the squared rate b(t) as a uniform cubic spline (t the old time, b = (dt_old / dt_new)²), some
 //! of its coefficients free, and rows w · (b, b', b'') <= bound, of a jerk <= bound / sqrt(b). Out: the
 //! free coefficients with the least time, the sum of 1 / sqrt(b) at the knots. The bound of a jerk row
 //! is convex in b, so that its tangent is on the safe side: each step is one of a convex problem.
 //! Predictor and corrector after Mehrotra, "On the implementation of a primal-dual interior point
 //! method" (1992); the jerk's rows after Verscheure et al., "Time-optimal path tracking for robots"
-//! (2009), and Consolini et al. on its jerk. Normal equations have half bandwidth 3. Steps are bounded;
-//! where they do not settle, the window stays as it was.
+//! (2009), and Consolini et al. on its jerk. Normal equations have half bandwidth 3. The number of
+//! steps is bounded; if they do not converge, the window stays unchanged.
 
 mod rows;
 

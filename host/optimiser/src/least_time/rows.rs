@@ -1,6 +1,6 @@
-//! Rows over the squared pace of a motion, and the places where they hold.
+//! Rows over the squared rate of a motion, and the points where they apply.
 //!
-//! In: weights and bounds. Out: by how much a row is exceeded, and the slope of that.
+//! In: weights and bounds. Out: the excess of a row, and its slope.
 
 use std::ops::Range;
 

@@ -1,8 +1,8 @@
-//! The region as cells, and who visited each.
+//! The region as cells, with the visits of each.
 //!
-//! In: the walls, and ground inside them that does not count, in a. Out: numbered cells of the rest with the cover
-//! that the wall next to them stands for; visits by the sweep with a distance to the edge of what was swept. A cell's
-//! cover is a smooth step of that distance, so that the covered area has a derivative by the path.
+//! In: the walls, and area inside them that does not count, in a. Out: numbered cells of the rest with the coverage
+//! contributed by an adjacent wall; visits by the sweep with a distance to the edge of the swept area. A cell's
+//! coverage is a smooth step of that distance, so that the covered area has a derivative by the path.
 
 /// Cell size, in half widths of the edge.
 const CELL: f64 = 0.8;

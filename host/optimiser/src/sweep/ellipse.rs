@@ -1,6 +1,6 @@
 //! The ellipse with semi-axes 1 and b as a swept shape.
 //!
-//! In: b and a rim, in a. Out: answers to [`super::shape`], tool frame.
+//! In: b and a rim, in a. Out: the queries of [`super::shape`], in the tool frame.
 
 use super::shape::{CONTACTS_MAX, OutlinePoint, Touch};
 use std::f32::consts::TAU;

@@ -1,4 +1,4 @@
-//! The sweep of the aperture along the passes, as strips along the edge of what it sweeps.
+//! The sweep of the aperture along the passes, as strips along the edge of the swept area.
 //!
 //! ```text
 //! knots --poses--> Pose --touches--> Contact --joined from pose to pose--> strips --cells beside them--> Visits
@@ -6,11 +6,12 @@
 //! ```
 //!
 //! A pose touches the envelope of its sweep in mostly two points, where its outline moves along itself (Blackmore,
-//! Leu, "Analysis of swept volume via Lie groups and differential equations", 1992). Contacts are joined from pose
-//! to pose; a cell beside such a strip is looked at once, by its distance to the envelope. The derivative of that
-//! distance by the pose is a constant of the contact, so that each collects one slope and one curvature. Inside the
-//! sweep cells are only marked as they are entered ([`strips`]). Where the envelope is not made of contacts,
-//! at ends, reversals and cusps, the outline of the pose closes it where no neighbouring pose covers it.
+//! Leu, "Analysis of swept volume via Lie groups and differential equations", 1992). Contacts are connected from
+//! pose to pose; a cell next to such a strip is evaluated once, by its distance to the envelope. The derivative of
+//! that distance by the pose is a constant of the contact, so that each collects one slope and one curvature.
+//! Inside the sweep cells are only marked when they are entered ([`strips`]). At ends, reversals and cusps, where
+//! the envelope does not consist of contacts, the outline of the pose closes it where no neighbouring pose covers
+//! it.
 
 mod cells;
 mod ellipse;

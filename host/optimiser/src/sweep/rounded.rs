@@ -1,8 +1,8 @@
 //! A convex polygon with rounded corners as a swept shape: slot, rectangle, polygon.
 //!
-//! In: a [`RoundedPolygon`], mm, and a rim. Out: answers to [`super::shape`], in a, tool frame. Its outline is a
-//! chain of arcs about corners (of no length where a corner is sharp: the normal turns, the point stays) and sides
-//! (the point moves, the normal stays); the normal speed is linear along either, so that contacts are exact.
+//! In: a [`RoundedPolygon`], mm, and a rim. Out: the queries of [`super::shape`], in a, tool frame. Its outline
+//! consists of arcs about corners (of length 0 at a sharp corner: the normal turns, the point stays) and sides
+//! (the point moves, the normal stays); the normal speed is linear along either, so contacts are exact.
 
 use super::dot;
 use super::shape::{CONTACTS_MAX, OutlinePoint, Touch};

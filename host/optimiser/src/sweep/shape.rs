@@ -1,7 +1,7 @@
-//! The aperture as the sweep sees it: points of its outline, where it touches the envelope, rows of its inside.
+//! The aperture for the sweep: points of its outline, contacts with the envelope, rows of its interior.
 //!
 //! In: an [`Aperture`], mm. Out: lengths in a (half its greatest width), f32, in the tool's frame. An ellipse and a
-//! polygon with rounded corners each answer the same questions.
+//! polygon with rounded corners implement the same queries.
 
 use super::ellipse::{Ellipse, EllipseRows};
 use super::rounded::{Rounded, RoundedRows};

@@ -1,7 +1,8 @@
-//! The two kernels of the sweep: cells beside a strip, and cells that the inside of the aperture enters.
+//! The two kernels of the sweep: cells next to a strip, and cells that the interior of the aperture
+//! enters.
 //!
-//! In: two contacts of the envelope, or two poses; lengths in a. Out: visits of cells. This is where most of the
-//! optimiser's time goes: f32, no allocation.
+//! In: two contacts of the envelope, or two poses; lengths in a. Out: visits of cells. The optimiser spends most
+//! of its time here: f32, no allocation.
 
 use super::cells::{OUTSIDE, Seen};
 use super::{Contact, Pose, Sweep, dot};
