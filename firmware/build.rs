@@ -1,5 +1,5 @@
-//! Puts the machine that a board is built for where the library finds it, and hands the linker
-//! script and `memory.x` to the linker, for binaries of a microcontroller only.
+//! Stores the machine that a board is built for where the library reads it, and passes the linker
+//! script and `memory.x` to the linker, for microcontroller binaries only.
 
 use std::path::Path;
 

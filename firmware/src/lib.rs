@@ -6,22 +6,22 @@
 //!          checked     loads    0.1 um, urad    rad                   steps
 //!                        ^ time warp (path rate)    + flow (extruder, mm^3)
 //! ```
-//! [`machine::Machine`] is the whole; its `servo_tick` reads as this picture. The rooms, each of which imports from those
-//! above it alone (a test holds the order):
+//! [`machine::Machine`] is the complete controller; its `servo_tick` reads like this diagram. The modules, each of
+//! which imports only from those above it (a test checks the order):
 //!
-//! | room | what flows through it |
+//! | module | data that flow through it |
 //! | --- | --- |
-//! | [`design`], [`configuration`], [`numbers`] | constants, what a machine and its board are, arithmetic |
+//! | [`design`], [`configuration`], [`numbers`] | constants, descriptions of a machine and its board, arithmetic |
 //! | [`kinematics`] | poses to joints and back |
 //! | [`steps`] | targets to steps |
-//! | [`checks`] | configurations to the first number that cannot be |
+//! | [`checks`] | configurations to the first invalid number |
 //! | [`flow`] | volume, primes and retracts to the extruder's target |
 //! | [`path`] | knots to targets of the joints at a segment time |
 //! | [`motion`] | queued knots and commands to a step program each servo tick |
-//! | [`heat`], [`drivers`] | conversions to duties, registers to states: beside the motion |
+//! | [`heat`], [`drivers`] | conversions to duties, registers to states, parallel to the motion |
 //! | [`settings`] | records to configurations and back |
 //! | [`mod@line`] | bytes to requests, states to reports |
-//! | [`machine`] | all of it at once |
+//! | [`machine`] | all of it together |
 //! | [`board`] | the same at the pins of a board |
 #![no_std]
 #![forbid(unsafe_code)]

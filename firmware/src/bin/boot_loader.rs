@@ -1,5 +1,5 @@
-//! Stands in for a boot loader in emulation, a careless one: it jumps to the image behind it and leaves
-//! SysTick running with its interrupt, foreign interrupts enabled and pending, and priorities masked.
+//! Simulates a careless boot loader in emulation: it jumps to the image after it and leaves SysTick
+//! running with its interrupt, foreign interrupts enabled and pending, and priorities masked.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]

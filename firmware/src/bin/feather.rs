@@ -1,5 +1,5 @@
-//! Adafruit Feather STM32F405 Express (168 MHz), five drivers on its headers, serial line: what a board
-//! costs that has nothing of its own but pins, all of them the HAL's.
+//! Adafruit Feather STM32F405 Express (168 MHz), five drivers on its headers, serial line: a minimal
+//! board, with only pins of its own, all of them from the HAL.
 //!
 //! Pins after the board's published table. Drivers share one enable; PB7 (SDA) is the emergency input.
 //! Built and emulated (QEMU, netduinoplus2): it has not run on hardware.

@@ -1,9 +1,10 @@
-//! BTT Octopus v1.0 and v1.1 (STM32F446ZE at 168 MHz): eight drivers, TMC2209 by UART or alone, USB CDC and USART 2.
+//! BTT Octopus v1.0 and v1.1 (STM32F446ZE at 168 MHz): eight drivers, TMC2209 by UART or stand-alone, USB CDC and
+//! USART 2.
 //!
 //! Start-up and main loop are in `shared/stm32f4.rs`, steps, servo and link in `shared/runtime.rs`; pins
-//! and their sense are in `shared/octopus_pins.rs`. Steps are port-wide writes, which do at the pins
-//! what `headway_firmware::board::PinOutput` does. `docs/guide/boards.md` says how to build, flash and wire
-//! it. Built and emulated: it has not run on hardware.
+//! and their polarity are in `shared/octopus_pins.rs`. Steps are port-wide writes, equivalent to
+//! `headway_firmware::board::PinOutput`. `docs/guide/boards.md` describes how to build, flash and wire it.
+//! Built and emulated: it has not run on hardware.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]

@@ -1,11 +1,11 @@
 //! The emulated board: Arm MPS2 AN386 (Cortex-M4F) in QEMU.
 //!
 //! Link over UART 0, steps from SysTick at 200 kHz, servo in PendSV (`shared/runtime.rs`); switches
-//! where the simulated carriages would press them, a byte on UART 1 as the emergency input. At the
-//! end of a stream it prints step digest and counts as JSON by semihosting and exits. Run it with
-//! `-icount` or timer ticks are lost; with `shift=4` (16 ns an instruction) the idle loop costs the
-//! emulator little. `tests/emulated.rs` prints a whole example on it and finds the steps of the
-//! simulation.
+//! at the positions of the simulated carriages, a byte on UART 1 as the emergency input. At the end
+//! of a stream it prints step digest and counts as JSON by semihosting and exits. Run it with
+//! `-icount` or timer ticks are lost; with `shift=4` (16 ns per instruction) the idle loop costs
+//! the emulator little. `tests/emulated.rs` prints a complete example on it and checks that the
+//! steps are those of the simulation.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]

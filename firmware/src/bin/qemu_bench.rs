@@ -1,15 +1,15 @@
 //! Instruction counts and stack of the hot paths on an emulated Cortex-M4F (Arm MPS2 AN386, QEMU).
 //!
-//! Plays a job through the boards' runtime, as fast as it goes, and times every servo tick and a
-//! share of the step ticks with a hardware timer, each in a function with the entry and exit code of
-//! an interrupt; the port writes are those of the octopus board. With `-icount shift=6` an instruction
+//! Runs a job in the boards' runtime, as fast as possible, and measures every servo tick and a share
+//! of the step ticks with a hardware timer, each in a function with the entry and exit code of an
+//! interrupt; the port writes are those of the octopus board. With `-icount shift=6` an instruction
 //! takes 64 ns of virtual time and the 25 MHz timer ticks every 40 ns, so counts are exact to the
-//! instruction. The stack is painted before each call and looked at afterwards. Instructions are not
+//! instruction. The stack is painted before each call and checked afterwards. Instructions are not
 //! cycles: QEMU has neither pipeline nor wait states.
 //!
 //! The job is the file `bench.job` in the emulator's directory, read by semihosting: u32 LE length |
 //! postcard `MachineConfiguration` | frames as on the wire. `tools/firmware-bench` makes it, and
-//! reads the lines `name value` that come out.
+//! reads the output lines `name value`.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]

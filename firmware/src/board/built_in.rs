@@ -1,4 +1,4 @@
-//! What the boards of this repository have built in.
+//! Built-in settings of the boards in this repository.
 
 use crate::configuration::drivers::DriversConfiguration;
 use crate::configuration::homing::HomingConfiguration;

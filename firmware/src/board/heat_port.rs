@@ -1,4 +1,4 @@
-//! What the main loop reads and writes for the heaters; levels are the servo interrupt's.
+//! The main loop's interface to the heaters; the servo interrupt drives the levels.
 //!
 //! `embedded-hal` 1.0 has no trait for converters; this one never waits.
 

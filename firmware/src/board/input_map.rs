@@ -4,7 +4,7 @@
 //! levels of the inputs, a bit each -> senses -> roles -> Inputs: switches by joint, emergency
 //! ```
 //! In: a [`Wiring`] of the settings, and the board's own inputs. Out: an [`InputMap`] for the servo tick.
-//! Left out: roles of step pins, heaters and fans, which are the board's.
+//! Not covered: roles of step pins, heaters and fans, which the board defines.
 
 use crate::configuration::JOINTS_MAX;
 use crate::configuration::homing::HomingConfiguration;

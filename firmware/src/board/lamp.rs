@@ -1,4 +1,4 @@
-//! A lamp that tells the machine's state by its brightness, through `embedded-hal`'s PWM.
+//! A lamp that shows the machine's state by its brightness, through `embedded-hal`'s PWM.
 
 use embedded_hal::pwm::SetDutyCycle;
 use headway_protocol::message::DeviceState;

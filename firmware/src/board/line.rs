@@ -1,4 +1,4 @@
-//! Bytes between a line and the machine, without waiting, through `embedded-io`.
+//! Non-blocking transfer of bytes between a line and the machine, through `embedded-io`.
 
 use core::convert::Infallible;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};

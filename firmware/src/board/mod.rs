@@ -8,12 +8,11 @@
 //! bytes               <-> fetch, send (Read, Write and their readiness)
 //! settings            <-> sector_flash (an STM32F4's), for the store
 //! ```
-//! In: levels, conversions and bytes of a chip. Out: inputs, readings and requests of the library, and its steps, duties
-//! and reports back at the pins; which settings a board runs (`built_in`).
-//! A board binary adds clocks, interrupts and which pin is which. What a board may replace by
-//! something faster is the same contract: `PortOutput` and `PinOutput` are both [`StepOutput`]s, and a
-//! test plays the same random interval on both and compares the levels.
-//! Left out: who calls what when, which is `machine` and the boards' runtime; anything of one chip.
+//! In: levels, conversions and bytes of a chip. Out: inputs, readings and requests of the library, and its steps,
+//! duties and reports at the pins; the settings that a board uses (`built_in`). A board binary adds clocks,
+//! interrupts and the pin assignment. Faster replacements by a board have the same contract: `PortOutput` and
+//! `PinOutput` are both [`StepOutput`]s, and a test plays the same random interval on both and compares the levels.
+//! Not covered: the order of calls (`machine` and the boards' runtime); code for a single chip.
 //!
 //! [`StepOutput`]: crate::steps::output::StepOutput
 

@@ -1,7 +1,7 @@
 //! Pins of the BTT Octopus v1.0 and v1.1 (STM32F446ZE), after the board file that Klipper publishes
 //! (`generic-bigtreetech-octopus-v1.1.cfg`); Marlin has the same for both (`pins_BTT_OCTOPUS_V1_common.h`).
 //!
-//! The Octopus Pro v1.1 may have the same chip and moved some of them
+//! The Octopus Pro v1.1 may have the same chip and has some of them at other pins
 //! (`generic-bigtreetech-octopus-pro-v1.1.cfg`): [`DIFFERS`].
 
 use crate::board::sector_flash::Sector;

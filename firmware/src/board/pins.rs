@@ -1,7 +1,7 @@
 //! Drivers, switches and the emergency input on `embedded-hal` pins.
 //!
 //! Bit m of a mask is motor m. A microcontroller's own pins cannot fail; of those that can, an input
-//! counts as pressed, and an output is left as it is.
+//! counts as pressed, and an output stays unchanged.
 
 use crate::board::input_map::InputMap;
 use crate::configuration::wiring::INPUTS_MAX;

@@ -1,4 +1,4 @@
-//! Bytes from an interrupt to the main loop: one writes, one reads, nobody waits.
+//! A ring buffer for bytes from an interrupt to the main loop: one writer, one reader, no waiting.
 
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 

@@ -4,11 +4,11 @@
 //! erase:   no BSY -> clear errors -> two keys -> SER | SNB | PSIZE -> STRT -> no BSY -> errors? -> lock
 //! program: the same with PG, a word of 32 bits at a time -> caches of data emptied
 //! ```
-//! Two sectors of any size count as two erasable blocks of [`BLOCK_BYTES`], their first bytes. Source: ST
-//! RM0390 section 3 (STM32F446) and RM0090 section 3 (STM32F405), whose registers agree in this. In and out: bytes.
-//! **The core stands still while a sector is erased** (up to 2 s for 128 KiB; whatever is fetched from flash
-//! waits), so whoever calls this sees to it that nothing moves or heats, and that the watchdog waits.
-//! Left out: option bytes, mass erase, words of other sizes than 32 bits (they need 2.7 V, which boards have).
+//! Two sectors of any size count as two erasable blocks of [`BLOCK_BYTES`], their first bytes. Source: ST RM0390
+//! section 3 (STM32F446) and RM0090 section 3 (STM32F405), whose registers agree in this. In and out: bytes. **The
+//! core stalls while a sector is erased** (up to 2 s for 128 KiB; every fetch from flash waits), so the caller has
+//! to make sure that nothing moves or heats, and that the watchdog waits. Not covered: option bytes, mass erase,
+//! words of other sizes than 32 bits (they need 2.7 V, which boards have).
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,

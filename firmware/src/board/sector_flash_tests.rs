@@ -1,7 +1,7 @@
-//! Goal: the driver does to the flash controller what ST's manual asks for, in that order, and tells what the
-//! controller says. Method: a model of the controller by RM0390 section 3, which locks up at a wrong key,
-//! sets the manual's error flags at a wrong sequence, stays busy for a while, and has a cache of data that
-//! keeps what it has read; the settings' store runs on it, and its power is cut.
+//! Goal: the driver makes the accesses to the flash controller that ST's manual requires, in that order, and
+//! reports the controller's errors. Method: a model of the controller by RM0390 section 3, which locks up at
+//! a wrong key, sets the manual's error flags at a wrong sequence, stays busy for a while, and has a data
+//! cache that keeps read values; the settings' store runs on it, and its power is cut.
 
 use super::*;
 use crate::board::octopus::SETTINGS_SECTORS;

@@ -1,5 +1,5 @@
-//! What a board finds out about itself at its start: which start it is, and whether it is the board
-//! that the firmware is for.
+//! Checks of a board at its start: the cause of the start, and whether it is the board that the
+//! firmware is for.
 
 use headway_protocol::message::{Fault, FaultCause};
 

@@ -1,5 +1,5 @@
-//! Goal: the generic edge does at every pin what the port-wide one does, and trusts nothing that it
-//! finds at a start. Method: mocks of `embedded-hal`, recorded levels, known crystals.
+//! Goal: the generic implementation drives every pin like the port-wide one, and trusts no state
+//! that it finds at a start. Method: mocks of `embedded-hal`, recorded levels, known crystals.
 
 use super::*;
 use crate::configuration::MOTORS_MAX;

@@ -1,4 +1,4 @@
-//! Drivers: currents, addresses, microsteps against the machine's steps.
+//! Drivers: currents, addresses, microsteps compared with the machine's steps.
 
 use crate::configuration::MachineConfiguration;
 use crate::configuration::drivers::{

@@ -1,4 +1,4 @@
-//! Switches: speeds and ways of the search.
+//! Switches: speeds and distances of the search.
 
 use super::first_wrong;
 use crate::configuration::homing::{HomingConfiguration, JointHoming};

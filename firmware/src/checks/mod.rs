@@ -1,8 +1,8 @@
-//! Which configurations can be run: the checks of the nouns in `configuration`.
+//! Checks whether configurations can be run: for the types in `configuration`.
 //!
-//! In: what a machine file or a record of settings says. Out: the first number that cannot be, with its place. The host asks
-//! before it plans, a board before it takes settings, by the very same code. Left out: what of a board is not in
-//! its settings (`settings::BoardLimits`).
+//! In: the contents of a machine file or a record of settings. Out: the first invalid number, with its place. The
+//! host checks before it plans, a board before it accepts settings, by the same code. Not covered: limits of a board
+//! that are not in its settings (`settings::BoardLimits`).
 
 mod drivers;
 mod heat;

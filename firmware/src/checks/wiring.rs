@@ -1,4 +1,4 @@
-//! Inputs: whether a board has those that settings name, and each has one role.
+//! Inputs: whether a board has those that the settings name, and each has one role.
 
 use crate::configuration::MachineConfiguration;
 use crate::configuration::wiring::{BoardInputs, INPUTS_MAX, NO_INPUT, Wiring, WrongWiring};

@@ -1,7 +1,7 @@
-//! Machines of linear axes and rotary ones, as a machine file and the wire describe them.
+//! Machines with linear and rotary axes, as described in a machine file and on the wire.
 //!
-//! In: directions and offsets. Out: an [`AxisFamily`], for `kinematics/axes.rs`, which has its equations. Left out: limits
-//! of the joints, which are the machine's.
+//! In: directions and offsets. Out: an [`AxisFamily`], for `kinematics/axes.rs`, which has its equations. Not
+//! covered: limits of the joints, which belong to the machine.
 
 use serde::{Deserialize, Serialize};
 

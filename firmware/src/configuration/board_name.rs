@@ -1,7 +1,8 @@
-//! Names of the boards that firmware is built for: settings name one where its chip does not tell it from others.
+//! Names of the boards that firmware is built for: settings name one if its chip does not distinguish it from
+//! others.
 //!
-//! In: the name in a record of settings, and what the board found out about itself. Out: which of its pins it may
-//! drive. Left out: which pins these are, which is the board's.
+//! In: the name in a record of settings, and the results of the board's own checks. Out: which of its pins it may
+//! drive. Not covered: the pins themselves, which the board defines.
 
 use headway_protocol::message::{Fault, FaultCause};
 use serde::{Deserialize, Serialize};

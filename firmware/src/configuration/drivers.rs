@@ -1,8 +1,8 @@
-//! What each motor's driver is to be: currents, microsteps, chopper.
+//! Settings of each motor's driver: currents, microsteps, chopper.
 //!
-//! In: numbers of the machine file, mA rms, mΩ. Out: a checked configuration. The current of a scale is
-//! the data sheet's (chapter 9): I = (CS + 1) / 32 V / (R + 20 mΩ) / √2, V = 325 mV, or 180 mV with the finer
-//! range. Left out: what the motor bears, and microsteps of a driver that stands alone, set by its pins.
+//! In: numbers of the machine file, mA rms, mΩ. Out: a checked configuration. The current of a scale is the
+//! data sheet's (chapter 9): I = (CS + 1) / 32 V / (R + 20 mΩ) / √2, V = 325 mV, or 180 mV with the finer
+//! range. Not covered: the motor's rating, and microsteps of a stand-alone driver, which its pins set.
 
 use crate::configuration::MOTORS_MAX;
 use heapless::Vec;

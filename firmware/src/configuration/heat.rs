@@ -1,9 +1,9 @@
-//! What the board knows of its heaters: sensors, limits, what they heat, gains of their regulators.
+//! Settings of the heaters: sensors, limits, heated parts, gains of their regulators.
 //!
 //! In: numbers of the machine file or a board's own, °C, W, W/K, J/(mm³ K). Out: a checked configuration.
 //! Physical constants of the built-in hot end are those that Marlin's model predictive control measured
 //! on an E3D V6 with 40 W (`MPC_BLOCK_HEAT_CAPACITY` and its neighbours in `Configuration.h`), its gains
-//! those of Klipper's board files (22.2, 1.08, 114 of 255). Left out: which pin is which.
+//! those of Klipper's board files (22.2, 1.08, 114 of 255). Not covered: the pin assignment.
 
 use crate::configuration::sensor::Sensor;
 use heapless::Vec;

@@ -1,7 +1,7 @@
-//! Switches of the joints, and how each is found.
+//! Switches of the joints, and the search for each.
 //!
-//! In: numbers of the machine file, mm and rad, or the machine's limits for the usual ones. Out: a
-//! [`HomingConfiguration`], for `motion/homing.rs`, which follows it.
+//! In: numbers of the machine file, mm and rad, or defaults from the machine's limits. Out: a
+//! [`HomingConfiguration`], used by `motion/homing.rs`.
 
 use crate::configuration::{JOINTS_MAX, JointConfiguration, MachineConfiguration};
 use core::f64::consts::TAU;

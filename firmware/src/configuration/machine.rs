@@ -1,7 +1,7 @@
-//! What the firmware knows of its machine: joints, kinematics, extruder, tick rates.
+//! The firmware's description of its machine: joints, kinematics, extruder, tick rates.
 //!
-//! The host builds it from the machine file and plans against the same numbers; the handshake
-//! compares its hash. Joint order: the kinematics' joints first, the extruder is motor `joints.len()`.
+//! The host builds it from the machine file and plans with the same numbers; the handshake compares
+//! its hash. Joint order: the kinematics' joints first, the extruder is motor `joints.len()`.
 
 use crate::configuration::axis_family::AxisFamily;
 use crate::configuration::motors::MotorMatrix;

@@ -1,8 +1,8 @@
-//! What a machine and its board are: nouns that all other rooms read.
+//! The description of a machine and its board: types that all other modules read.
 //!
-//! In: numbers of a machine file, or of a record of settings. Out: plain values, checked nowhere here: which of them
-//! can be run is said in `checks`, what is made of them in the rooms that use them. Left out: constants of the
-//! design, which are nobody's to choose (`design.rs`).
+//! In: numbers of a machine file, or of a record of settings. Out: plain, unchecked values: `checks` decides which
+//! of them can be run, and the modules that use them implement them. Not covered: constants of the design, which
+//! nobody can choose (`design.rs`).
 
 pub mod axis_family;
 pub mod board_name;

@@ -4,10 +4,10 @@
 //! joints -> (X, Y) becomes (X + Y, X - Y) -> motors, the extruder, copies
 //! ```
 //! CoreXY has two belts: one motor turns by the sum of the two axes, the other by their difference (J. Moyer,
-//! 2012); CoreXZ is the same with another pair. All of the machine is planned, shaped, homed and bounded by its
-//! joints; only what the step generator plays is the motors', and their own limits hold as well. Positions are
-//! in 2^-31 steps and fine targets in 2^-22 steps, where sums and differences are exact: the steps are those of
-//! the transformed targets. Left out: pairs of rotary joints, joints of the pair with different steps a mm.
+//! 2012); CoreXZ is the same with another pair. The machine is planned, shaped, homed and limited by its
+//! joints; only the step generator uses the motors, whose own limits apply as well. Positions are in 2^-31
+//! steps and fine targets in 2^-22 steps, where sums and differences are exact: the steps are those of the
+//! transformed targets. Not covered: pairs of rotary joints, joints of the pair with different steps per mm.
 
 use crate::configuration::JOINTS_MAX;
 use heapless::Vec;

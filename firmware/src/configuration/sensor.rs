@@ -1,7 +1,7 @@
-//! Sensors of heaters: which curve, and what pulls them up.
+//! Sensors of heaters: their curve and their pull-up.
 //!
-//! In: resistances in ohm. Out: a [`Sensor`], for `heat/sensor.rs`, which reads it. Thermistors by the three coefficients
-//! of Steinhart and Hart (1968), 1/T = a + b ln R + c (ln R)³, T in K; `beta` is the same with c = 0.
+//! In: resistances in ohm. Out: a [`Sensor`], used by `heat/sensor.rs`. Thermistors by the three coefficients of
+//! Steinhart and Hart (1968), 1/T = a + b ln R + c (ln R)³, T in K; `beta` is the same with c = 0.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! Input shapers of the joints: kind, frequency and damping.
 //!
-//! In: numbers of the machine file, Hz. Out: a [`Shaper`] of each joint, for `steps/shaping.rs`, which makes impulses of
-//! it.
+//! In: numbers of the machine file, Hz. Out: a [`Shaper`] of each joint, which `steps/shaping.rs` converts to
+//! impulses.
 
 use crate::configuration::JOINTS_MAX;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
-//! Which input of a board has which role, which are normally open, and which motors turn the other way.
+//! Roles of a board's inputs, which of them are normally open, and which motors are reversed.
 //!
-//! In: roles of a machine file, and the board's own: how many inputs it has, which of them is the emergency input if
-//! nothing else is said, and which ones may be it. Out: a [`Wiring`], for `board/input_map.rs`, which reads levels by it.
+//! In: roles of a machine file, and the board's own: the number of its inputs, the default emergency input, and which
+//! ones may be it. Out: a [`Wiring`], by which `board/input_map.rs` reads levels.
 
 use crate::configuration::JOINTS_MAX;
 use serde::{Deserialize, Serialize};

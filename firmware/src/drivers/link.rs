@@ -1,8 +1,8 @@
-//! Registers of one motor's driver, read and written until it is certain: bounded tries, each counted.
+//! Reads and writes registers of one motor's driver with verification: bounded tries, each counted.
 //!
-//! In: a port, motor and node address. Out: values, or why there are none. A write is taken when the chip's
-//! own counter (IFCNT) has gone on by one. A try whose answer was lost may have been taken: what is written
-//! twice is the same.
+//! In: a port, motor and node address. Out: values, or why there are none. A write is accepted when the
+//! chip's own counter (IFCNT) has increased by one. A try whose answer was lost may have been accepted:
+//! writing the same value twice is harmless.
 
 use super::DriverPort;
 use super::datagram::{self, WRITE_BYTES};

@@ -1,16 +1,15 @@
-//! Stepper drivers of type TMC2209, set up and asked over their one-wire UART.
+//! Stepper drivers of type TMC2209, set up and queried over their one-wire UART.
 //!
 //! ```text
 //! configuration -> registers -> link            -> datagram  -> one_wire
 //! mA, modes        32 bit       counted writes     bytes, CRC   levels of the pin
 //!                                     service: all motors
 //! ```
-//! In: each motor's configuration, the motion's rests. Out: datagrams; a status of each driver and the fault of one, on the
-//! motion's [`DriverPanel`](crate::motion::driver_panel::DriverPanel).
-//! [`service::DriverService`] sets every driver up before a motor is enabled, and reads one after the other
-//! while nothing moves: a board has no time for it else. Register and bit numbers are those of the data
-//! sheet (ADI, TMC2209 rev. 1.09, chapters 4, 5 and 9). Left out: StallGuard and CoolStep, and what a
-//! driver does to itself meanwhile, which is to switch off.
+//! In: each motor's configuration, the motion's rests. Out: datagrams; a status of each driver and the fault of one,
+//! on the motion's [`DriverPanel`](crate::motion::driver_panel::DriverPanel). [`service::DriverService`] sets every
+//! driver up before a motor is enabled, and reads one after another while nothing moves: at other times a board has
+//! no time for it. Register and bit numbers are those of the data sheet (ADI, TMC2209 rev. 1.09, chapters 4, 5 and
+//! 9). Not covered: StallGuard and CoolStep, and a driver's own reaction to a fault, which is to switch off.
 
 pub mod datagram;
 pub mod link;

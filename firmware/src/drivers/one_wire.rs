@@ -1,10 +1,10 @@
-//! A UART of one wire by a pin that is set and read: 8 bits, lowest first, no parity, one stop bit.
+//! A one-wire UART in software on one pin: 8 bits, lowest first, no parity, one stop bit.
 //!
-//! Edges are due at times counted from the start of each byte, so that an interrupt delays one of them and
-//! never those after it. In: bytes and a clock that counts. Out: levels; bytes, sampled in the middle of
-//! their bits. A driver takes the rate from the first byte of a datagram (data sheet, chapter 4.1: 9,600 bit/s
-//! and more), so the clock need not be right; an interrupt that delays that byte's edges changes the rate, so the
-//! rest of the datagram and its answer go by the edges that were made. Left out: echo, as the pin is not read while it sends.
+//! Edges are due at times counted from the start of each byte, so that an interrupt delays one of them and never the
+//! later ones. In: bytes and a cycle counter. Out: levels; bytes, sampled in the middle of their bits. A driver
+//! derives the rate from the first byte of a datagram (data sheet, chapter 4.1: 9,600 bit/s and more), so the clock
+//! need not be exact; an interrupt that delays that byte's edges changes the rate, so the rest of the datagram and
+//! its answer use the timing of the actual edges. Not covered: echo, as the pin is not read while it sends.
 
 use super::DriverPort;
 

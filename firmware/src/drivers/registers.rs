@@ -1,7 +1,7 @@
-//! Registers of a TMC2209: numbers, and the bits that a configuration sets and a status has.
+//! Registers of a TMC2209: numbers, and the bits of configuration and status.
 //!
-//! Source: data sheet, chapter 5. What no setting moves keeps the values that Klipper documents for this chip
-//! (`toff` 3, `hstrt` 5, `hend` 0, `tbl` 2, the chip's own PWMCONF), which drive usual motors.
+//! Source: data sheet, chapter 5. Fields without a setting have the values that Klipper documents for this
+//! chip (`toff` 3, `hstrt` 5, `hend` 0, `tbl` 2, the chip's own PWMCONF), which drive usual motors.
 
 use crate::configuration::drivers::{Chopper, DriverConfiguration};
 

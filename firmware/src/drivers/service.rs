@@ -1,11 +1,12 @@
-//! All drivers of a board: set up before a motor is enabled, then asked one after the other while nothing
+//! All drivers of a board: set up before a motor is enabled, then queried one after another while nothing
 //! moves.
 //!
 //! In: a port that waits (a datagram and its answer take 15 ms at 10 kbit/s), the motion between its waits.
-//! Out: a status of each driver; a fault where one is silent, has started anew, or has switched off. A board
-//! calls [`DriverService::set_up`] before its interrupts are on, then in each round of its main loop
+//! Out: a status of each driver; a fault if one is silent, has restarted, or has switched off. A board calls
+//! [`DriverService::set_up`] before its interrupts are on, then in each round of its main loop
 //! [`DriverService::is_due`], [`DriverService::turn`] and [`DriverService::tell`]: the first and the last
-//! under the motion's lock, the turn without it. Left out: reading while it moves, for which there is no time.
+//! under the motion's lock, `turn` without it. Not covered: reading while the machine moves, for which there
+//! is no time.
 
 use super::DriverPort;
 use super::link::{DriverLink, LinkError};

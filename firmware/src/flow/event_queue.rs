@@ -1,4 +1,4 @@
-//! Flow events that wait for their place in the stream, in order.
+//! Flow events that wait for their position in the stream, in order.
 
 use crate::design::QUEUE_EVENTS;
 use headway_protocol::segment::FlowEvent;

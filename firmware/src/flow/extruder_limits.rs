@@ -1,9 +1,10 @@
-//! The extruder's limits of rate and acceleration, held on what its motor is told.
+//! The extruder's limits of rate and acceleration, checked on its motor's targets.
 //!
 //! Path flow, pressure advance, primes and retracts share one motor: each is bounded by itself where it
 //! arrives ([`event_peaks`], `path/load.rs`), their sum in every servo tick ([`ExtruderGuard`]), before the
-//! program that would exceed it is handed over. Units: mm³, s; ways in 2^-22 steps a servo tick.
-//! Left out: the joints, whose sum with the time warp `path/load.rs` and `motion/time_warp.rs` hold.
+//! program that would exceed it is handed over. Units: mm³, s; displacements in 2^-22 steps per servo tick.
+//! Not covered: the joints, which `path/load.rs` and `motion/time_warp.rs` limit together with the time
+//! warp.
 
 use crate::configuration::{ExtruderConfiguration, MachineConfiguration};
 use crate::design::{LIMIT_MARGIN, RAMP_MARGIN};

@@ -1,7 +1,7 @@
-//! What happens to the melt while the head rests in the middle of a pass.
+//! Retract and prime while the head rests in the middle of a pass.
 //!
-//! After a dwell the melt is pulled back by as much as the pass was primed with, and pushed again
-//! before the head goes on. Both volumes are the same integer, so no volume is lost or won.
+//! After a dwell the volume with which the pass was primed is retracted, and primed again before
+//! the head continues. Both volumes are the same integer, so no volume is lost or gained.
 
 use headway_protocol::segment::{FlowAction, FlowEvent};
 

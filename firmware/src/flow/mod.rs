@@ -1,13 +1,13 @@
 //! The extruder's target: e = V + K dV/dt + primes - retracts, in motor steps.
 //!
-//! In: the volume channel's place, primes and retracts that wait (`event_queue`) or that a rest demands (`hold`). Out: the
-//! extruder motor's target, and whether it keeps its limits (`extruder_limits`).
+//! In: the volume channel's position, primes and retracts that wait (`event_queue`) or that a rest requires (`hold`).
+//! Out: the extruder motor's target, and whether it keeps its limits (`extruder_limits`).
 //!
 //! - V is the deposited volume, a channel of the motion: exact integer base plus small offset.
-//! - dV/dt is the mean over the last window (a box by look-back): (V(t) - V(t - W)) / W, which is that of
-//!   W/2 ago, for which everything else waits (`steps/delay.rs`), and exactly 0 once V has rested for W. Where
-//!   a shaper waits longer, so does the advance. The
-//!   window limits what a change of path rate can do to the extruder's speed.
+//! - dV/dt is the mean over the last window (a box by look-back): (V(t) - V(t - W)) / W, which is that of W/2
+//!   ago, so everything else is delayed by that (`steps/delay.rs`), and exactly 0 once V has rested for W. If
+//!   a shaper's delay is longer, the advance is delayed too. The window limits the effect of a change of path
+//!   rate on the extruder's speed.
 //! - Primes and retracts run in real time, along x³ (10 - 15 x + 6 x²), and end exactly on their
 //!   integer volume.
 

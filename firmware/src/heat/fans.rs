@@ -1,7 +1,7 @@
-//! Fans: the part's as asked for, the hot end's by temperature, the controller's by the drivers.
+//! Fans: the part's as requested, the hot end's by temperature, the controller's by the drivers.
 //!
-//! In: readings, targets, whether drivers hold. Out: speeds, 0 to 1. Values after Klipper's `heater_fan`
-//! (`heater_temp` 50) and `controller_fan` (`idle_timeout` 30).
+//! In: readings, targets, whether drivers are energised. Out: speeds, 0 to 1. Values after Klipper's
+//! `heater_fan` (`heater_temp` 50) and `controller_fan` (`idle_timeout` 30).
 
 use super::unit_share;
 use crate::configuration::heat::PERIOD_S;

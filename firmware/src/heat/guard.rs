@@ -1,9 +1,9 @@
-//! Watches a heater, whatever anybody asks of it.
+//! Monitors a heater, independently of any command.
 //!
-//! In: reading, target and duty of each period. Out: the fault that switches all heaters off. Too slow
-//! and drifting are judged as by Klipper's `verify_heater`, with its values; what Klipper leaves to the
-//! range of a sensor (stuck heaters, frozen converters, power that does not fit) is added, since the
-//! board is alone with it. `docs/design/heat.md` has each bound with its reason.
+//! In: reading, target and duty of each period. Out: the fault that switches all heaters off. Slow
+//! heating and drift are detected as in Klipper's `verify_heater`, with its values; checks that Klipper
+//! leaves to the range of a sensor (stuck heaters, frozen converters, implausible power) are added,
+//! since the board has to work without a host. `docs/design/heat.md` has each bound with its reason.
 
 use crate::configuration::heat::{HeaterConfiguration, HeaterRole, PERIOD_S};
 

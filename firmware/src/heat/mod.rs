@@ -1,4 +1,4 @@
-//! Heaters, their sensors and fans, and what switches them off.
+//! Heaters, their sensors and fans, and the guards that switch them off.
 //!
 //! ```text
 //! conversions -> samples -> sensor -> guard -> regulator -> schedule of the PWM -> heater pins
@@ -6,11 +6,11 @@
 //!                                       |        ^ flow, fan (feed-forward)
 //!                                       +-> all off, latched, supply cut where only that helps
 //! ```
-//! In: conversions, targets and flow. Out: duties of heaters and fans, each period, and faults. [`service::HeatService`]
-//! puts it beside the motion, [`HeatPanel`](crate::motion::heat_panel::HeatPanel) is what the two tell each other.
-//! [`Heat::sample`] whenever a conversion is there, [`Heat::tick`] ten times a second, both in a board's
-//! main loop: the interrupts only play [`pwm::SoftPwm`]. Nothing that a host says raises a limit or
-//! clears a cause. Left out: who converts, and which pin is which.
+//! In: conversions, targets and flow. Out: duties of heaters and fans, each period, and faults.
+//! [`service::HeatService`] connects it with the motion, through [`HeatPanel`](crate::motion::heat_panel::HeatPanel).
+//! Call [`Heat::sample`] for every conversion and [`Heat::tick`] ten times per second, both in a board's main loop:
+//! the interrupts only output [`pwm::SoftPwm`]. No message of a host raises a limit or removes a cause. Not covered:
+//! the conversion, and the pin assignment.
 
 pub mod fans;
 pub mod guard;

@@ -1,8 +1,8 @@
-//! Soft PWM: the main loop draws up what a period looks like, the servo interrupt plays it.
+//! Software PWM: the main loop prepares a period, the servo interrupt outputs it.
 //!
-//! In: duties, 0 to 1, at 10 Hz. Out: levels of the outputs, a bit each, at each servo tick. A tick
-//! without an edge costs a subtraction and a branch; nothing of it is in the step interrupt. A schedule
-//! is good for [`PERIODS_MAX`] periods: a main loop that no longer comes leaves every heater off.
+//! In: duties, 0 to 1, at 10 Hz. Out: levels of the outputs, one bit each, at each servo tick. A tick
+//! without an edge costs a subtraction and a branch; the step interrupt is not involved. A schedule is
+//! valid for [`PERIODS_MAX`] periods: if the main loop stalls, every heater goes off.
 
 use super::unit_share;
 use heapless::Vec;

@@ -1,9 +1,9 @@
-//! Temperature -> duty: what the heat balance asks for, and a PID for the rest.
+//! Temperature -> duty: the heat balance, and a PID for the rest.
 //!
 //! In: target and reading, °C; part fan (0 to 1) and flow, mm³/s; every [`PERIOD_S`]. Out: duty, 0 to 1.
 //! Feed-forward after the heat balance of [`Plant`] as Marlin's model predictive control: a step of flow
-//! takes its watts at once, before any sensor can tell. The derivative is that of the reading, so a new
-//! target gives no kick; the integral is held where the output is at its end and would go further
+//! gets its power at once, before any sensor can react. The derivative is that of the reading, so a new
+//! target gives no kick; the integral is held where the output is at its limit and would exceed it
 //! (conditional integration, as Klipper's `ControlPID`), and far from the target.
 
 use super::unit_share;

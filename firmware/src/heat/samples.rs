@@ -1,8 +1,8 @@
 //! Many conversions of a twelve-bit converter -> one reading of a control period.
 //!
 //! In: raw conversions, 0 to 4095, some tens in each period. Out: their mean without the highest and the
-//! lowest, which a motor's edge may have hit, as a share of the reference. A mean of 32 has a sixth of
-//! the noise of one: 0.03 K where a thermistor at 210 °C gives 7 counts a kelvin.
+//! lowest, which a motor's edge may have disturbed, as a share of the reference. A mean of 32 has a
+//! sixth of the noise of one: 0.03 K for a thermistor with 7 counts per kelvin at 210 °C.
 
 use super::guard::HeatCause;
 

@@ -1,9 +1,9 @@
 //! Temperature from a divider: pull-up to the reference, sensor to ground.
 //!
-//! In: the reading's share of the reference (0 to 1), the [`Sensor`]. Out: °C, or that the sensor is open or shorted.
-//! Thermistors after Steinhart and Hart (1968), platinum after IEC 60751 (Callendar, Van Dusen), R = R0 (1 + A t + B t²);
-//! the third term, for below 0 °C, is left out. The named curves pass through the three points of the data sheets that
-//! Klipper's `temperature_sensors.cfg` names; a test holds them to those.
+//! In: the reading's share of the reference (0 to 1), the [`Sensor`]. Out: °C, or an error if the sensor is open or
+//! shorted. Thermistors after Steinhart and Hart (1968), platinum after IEC 60751 (Callendar, Van Dusen), R = R0 (1 +
+//! A t + B t²); the third term, for below 0 °C, is omitted. The named curves go through the three points of the data
+//! sheets that Klipper's `temperature_sensors.cfg` names; a test checks this.
 
 use super::guard::HeatCause;
 use crate::configuration::sensor::{KELVIN, Sensor, SensorCurve};

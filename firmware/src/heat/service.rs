@@ -1,7 +1,7 @@
-//! Heat beside the motion: when a period is due, what the motion tells the heaters, and the reverse.
+//! Heat parallel to the motion: when a period is due, and the data between motion and heaters.
 //!
 //! In: the motion, its servo ticks as the clock. Out: outputs of each period; faults latched in the
-//! motion, which comes to rest on the path and pulls the melt back while that is safe.
+//! motion, which comes to rest on the path and retracts the melt if that is safe.
 
 use super::{Heat, HeatCause, HeatFault, Orders, Outputs};
 use crate::configuration::MachineConfiguration;

@@ -1,5 +1,5 @@
-//! Goal: each fault that a heater can have switches everything off, in time and for its own reason.
-//! Method: readings made up here, period by period; how real ones come about is the thermal model's.
+//! Goal: each fault of a heater switches everything off, in time and with its own cause. Method:
+//! readings invented here, period by period; realistic ones come from the thermal model.
 
 use super::samples::FULL_SCALE;
 use super::*;

@@ -2,12 +2,12 @@
 //! any tool frame, with or without a seventh joint that turns it.
 //!
 //! In: a pose (mm, rad). Out: joint angles, rad, each within half a turn of its offset
-//! ([`super::winding`] counts the turns). The geometry is that of M. Brandstötter, A. Angerer and
-//! M. Hofbaur, An Analytical Solution of the Inverse Kinematics Problem of Industrial Serial
+//! ([`super::winding`] counts the turns). The geometry is that of M. Brandstötter, A. Angerer and M.
+//! Hofbaur, An Analytical Solution of the Inverse Kinematics Problem of Industrial Serial
 //! Manipulators with an Ortho-parallel Basis and a Spherical Wrist (2014): a1, a2, b, c1..c4. Their
 //! eight solutions are numbered by bits: 1 turns the shoulder round, 2 the elbow, 4 the wrist.
-//! Arccosines are written as angles of points, so that no digits are lost near stretched arms; sines
-//! and cosines of joints 1 to 3 come from the points as well.
+//! Arccosines are computed as angles of points, so that no digits are lost near stretched arms;
+//! sines and cosines of joints 1 to 3 come from the points as well.
 
 use super::KinematicsError;
 use crate::configuration::{Arm, JOINTS_MAX};

@@ -1,10 +1,10 @@
 //! `axes`: linear X Y Z and one or two rotary axes, each in the head or under the part, about any line, and the
-//! nozzle's own turn H about an axis that may lean by a fixed angle.
+//! nozzle's own rotation H about an axis that may have a fixed tilt.
 //!
-//! R_k is the turn about the k-th axis, o_k a point on it with all joints at 0 (under the part in machine
-//! coordinates, in the head counted from the nozzle's tip), axes of a side in order from the base outwards. With
-//! T the product of the table's turns, H of the head's and t the nozzle's axis with all joints at 0, a pose with
-//! the tool axis n needs T n = H t. Whichever axes there are, that is R(u_1, a) R(u_2, b) v = w:
+//! R_k is the rotation about the k-th axis, o_k a point on it with all joints at 0 (under the part in machine
+//! coordinates, in the head relative to the nozzle's tip), axes of a side in order from the base outwards. With
+//! T the product of the table's rotations, H of the head's and t the nozzle's axis with all joints at 0, a pose
+//! with the tool axis n requires T n = H t. For every combination of axes that is R(u_1, a) R(u_2, b) v = w:
 //!
 //! | sides | u_1, a | u_2, b | v | w |
 //! | --- | --- | --- | --- | --- |
@@ -12,16 +12,17 @@
 //! | table, table | first | second | n | t |
 //! | one of each | table's, its angle negated | head's | t | n |
 //!
-//! The vector z = R(u_2, b) v = R(u_1, -a) w has known shares of u_1 and u_2 and two signs of its share of
-//! u_1 x u_2: the two joint solutions (B. Paden, 1986, second subproblem; R. Murray, Z. Li and S. Sastry, A
-//! Mathematical Introduction to Robotic Manipulation, 1994, 3.3.2). Each angle is then one of two vectors about an
-//! axis. Tip: X Y Z = T_1(T_2(p)) - H_1(H_2(0)), each turn about its own line. The nozzle turns what is left of
-//! R_min R_z(heading). Gantry and trunnion are members; they keep equations of their own, which are faster.
+//! The vector z = R(u_2, b) v = R(u_1, -a) w has known components along u_1 and u_2 and two signs of its component
+//! along u_1 x u_2: the two joint solutions (B. Paden, 1986, second subproblem; R. Murray, Z. Li and S. Sastry, A
+//! Mathematical Introduction to Robotic Manipulation, 1994, 3.3.2). Each angle is then that between two vectors
+//! about an axis. Tip: X Y Z = T_1(T_2(p)) - H_1(H_2(0)), each rotation about its own line. The nozzle makes the
+//! rest of R_min R_z(heading). Gantry and trunnion are members of this family; they have equations of their own,
+//! which are faster.
 //!
-//! Where z lies along u_1 or u_2 an axis is free; with n along it (within a microradian) its angle is 0. A single
+//! Where z is along u_1 or u_2 an axis is free; with n along it (within a microradian) its angle is 0. A single
 //! axis in the head reaches the cone of tool axes around it, which poses may leave by `CONE_SLACK`. A polar table
-//! has no Y: its turn brings the tip over the X axis, on either side of the centre. Left out: more than two
-//! rotary axes, axes that are parallel, nozzles that do not turn.
+//! has no Y: its rotation brings the tip over the X axis, on either side of the centre. Not covered: more than
+//! two rotary axes, parallel axes, nozzles that do not turn.
 
 use super::KinematicsError;
 use crate::configuration::JOINTS_MAX;

@@ -1,6 +1,7 @@
 //! Goal: gantry and trunnion are members of the family, single precision is good enough for steps, joints do not
-//! jump away from singular places, and what cannot be reached or built is refused. Method: the same poses through
-//! both equations; f32 against f64; known machines. FK(IK) against plain matrices is in the end-to-end tests.
+//! jump away from singular poses, and poses out of reach and impossible machines are refused. Method: the same
+//! poses through both equations; f32 against f64; known machines. FK(IK) against plain matrices is in the
+//! end-to-end tests.
 use crate::configuration::axis_family::{AxisFamily, RotaryAxis};
 use crate::configuration::{JOINTS_MAX, Kinematics};
 use crate::kinematics::pose::Pose;

@@ -1,16 +1,16 @@
 //! Pose -> joint positions and back, one file per machine.
 //!
-//! In: a [`Pose`], or the joints; the [`Kinematics`] of the configuration. Out: joints, or the pose, or why there are none.
-//! Pure functions, generic over the number type: f64 for planning, f32 on the servo tick.
+//! In: a [`Pose`], or the joints; the [`Kinematics`] of the configuration. Out: joints, or the pose, or the reason
+//! for an error. Pure functions, generic over the number type: f64 for planning, f32 on the servo tick.
 //! Units: mm for linear joints, rad for rotary ones; joints in the machine's order.
 //!
 //! A joint position is a *joint channel* plus a *remainder*. The joint channel is the one channel that the
 //! joint follows one to one (X carries x, C carries the heading), kept as an exact integer on the
-//! controller; the remainder is what the tilt adds, small enough for f32. The split is what keeps
-//! step counts exact far from the origin.
+//! controller; the remainder is the tilt's contribution, small enough for f32. The split keeps step counts
+//! exact far from the origin.
 //!
 //! Joints whose angle comes from an arctangent are found within half a turn; [`winding`] makes them
-//! continuous. Where a pose has several joint solutions, the one that [`Kinematics`] names is taken.
+//! continuous. Where a pose has several joint solutions, the one that [`Kinematics`] names is used.
 
 pub mod arm6;
 pub mod axes;

@@ -1,8 +1,8 @@
 //! The pose of the nozzle: tip position, tool axis and heading (six degrees of freedom, docs/design/pose-and-machines.md).
 //!
-//! The tool axis n travels as the tilt vector tau = theta (-n_y, n_x) / sin(theta),
-//! theta = acos(n_z): the rotation vector of the smallest rotation that takes Z to n. The
-//! orientation is R = R_min(Z to n) R_z(heading).
+//! The tool axis n is represented by the tilt vector tau = theta (-n_y, n_x) / sin(theta), theta =
+//! acos(n_z): the rotation vector of the smallest rotation from Z to n. The orientation is R =
+//! R_min(Z to n) R_z(heading).
 
 use crate::numbers::real::Real;
 use headway_protocol::units::{

@@ -1,12 +1,11 @@
 //! `trunnion`: X Y Z + a table that tilts (A, about X) and turns (C, about its own normal) + the
-//! nozzle (H), which turns what is left of the heading.
+//! nozzle (H), which makes the rest of the heading.
 //!
-//! A point p of the part is at c + R_x(A) R_z(C) (p - c) in machine axes, c a point on both axes of
-//! the table; R_x(A) R_z(C) n = Z. With the tilt vector tau that is -A about R_z(-C) x, so
-//! A = -|tau|, C = atan2(-tau_y, tau_x) or A = |tau|, C = atan2(tau_y, -tau_x), and because
-//! R_min = R_z(-C) R_x(-A) R_z(C), the heading in machine axes is H = heading + C: no more trigonometry.
-//! C comes out within a turn of 0 ([`super::winding`] counts the turns). An upright tool leaves C free:
-//! it is 0 there.
+//! A point p of the part is at c + R_x(A) R_z(C) (p - c) in machine axes, c a point on both axes of the
+//! table; R_x(A) R_z(C) n = Z. With the tilt vector tau that is -A about R_z(-C) x, so A = -|tau|, C =
+//! atan2(-tau_y, tau_x) or A = |tau|, C = atan2(tau_y, -tau_x), and because R_min = R_z(-C) R_x(-A)
+//! R_z(C), the heading in machine axes is H = heading + C: no more trigonometry. C is within a turn of 0
+//! ([`super::winding`] counts the turns). With an upright tool C is free: it is 0 there.
 
 use super::KinematicsError;
 use crate::configuration::JOINTS_MAX;

@@ -1,7 +1,8 @@
-//! Angles found by an arctangent, counted through whole turns so that joints are continuous.
+//! Unwraps angles found by an arctangent, so that joints are continuous.
 //!
-//! In: the angle of now, within half a turn of 0 (or of a constant). Out: how many turns to add. Two
-//! looks must be less than half a turn apart, which at 2 kHz holds for anything that can be built.
+//! In: the current angle, within half a turn of 0 (or of a constant). Out: the number of turns to
+//! add. Two samples must be less than half a turn apart, which at 2 kHz holds for every real
+//! machine.
 
 use super::winds;
 use crate::configuration::{JOINTS_MAX, Kinematics};

@@ -1,13 +1,13 @@
 //! Bytes of the line -> requests to the motion, and reports back to the host.
 //!
-//! In: bytes of one line or two; the motion, for what is reported. Out: knots with their demands, flow events and commands
-//! for the motion; settings for the store; frames of reports.
+//! In: bytes of one line or two; the motion, for reports. Out: knots with their demands, flow events and commands for
+//! the motion; settings for the store; frames of reports.
 //!
-//! Receiving is in steps, so that a board can do the work at low priority, a piece in each round of its main
-//! loop, and lock the motion only for a moment: [`Receiver::receive`] reads a frame, [`Receiver::work`] weighs
-//! some knots of a block that it brought (joint loads) and [`Receiver::deliver`] hands them over;
-//! [`Receiver::apply`] does that with any other [`Request`]. Stream frames are taken in order, exactly once;
-//! control frames when newer than the last one. `WIRE.md` of the protocol has the rules.
+//! Receiving is divided into steps, so that a board can work at low priority, a part in each round of its main
+//! loop, and lock the motion only briefly: [`Receiver::receive`] reads a frame, [`Receiver::work`] computes
+//! the joint loads of some knots of a received block and [`Receiver::deliver`] hands them over;
+//! [`Receiver::apply`] does that with any other [`Request`]. Stream frames are accepted in order and exactly
+//! once; control frames if newer than the last one. `WIRE.md` of the protocol has the rules.
 
 mod commands;
 mod outgoing;

@@ -1,6 +1,6 @@
-//! Reports of a receiver -> bytes that a line takes piece by piece.
+//! Reports of a receiver -> bytes that are sent on a line in parts.
 //!
-//! In: a receiver, and leave to look at the motion. Out: bytes of one report after the other.
+//! In: a receiver, and read access to the motion. Out: bytes of one report after another.
 
 use super::Receiver;
 use headway_protocol::frame::FRAME_BYTES_MAX;

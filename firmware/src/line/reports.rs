@@ -1,4 +1,4 @@
-//! What the controller says, and when: acknowledgements, status, faults.
+//! The controller's reports and their timing: acknowledgements, status, faults.
 
 use crate::design::{CREDIT_STEP_KNOTS, QUEUE_EVENTS, QUEUE_KNOTS};
 use crate::line::Receiver;

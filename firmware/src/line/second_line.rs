@@ -1,8 +1,9 @@
-//! The end of a second line: a host that asks and may stop, while another one streams.
+//! The controller's end of a second line: for a host that queries and may stop while another one
+//! streams.
 //!
 //! It has a numbering of its own and shares the motion. Streams, moves, heat and fans are refused there, so that
-//! nothing of it runs when the first host has gone. Where more than one line can be the first one (a simulated
-//! board), two hosts change places by [`Receiver::exchange_hosts`].
+//! nothing started from it runs after the first host has gone. Where several lines can be the first one (a
+//! simulated board), two hosts are exchanged by [`Receiver::exchange_hosts`].
 
 use crate::configuration::MachineConfiguration;
 use crate::line::{Content, Receiver, Request};

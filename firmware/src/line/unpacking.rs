@@ -1,7 +1,8 @@
-//! A block of knots on its way into the queue, some knots at a time.
+//! Unpacks a block of knots into the queue, some knots at a time.
 //!
-//! In: the bytes of a block, the stream where it stands. Out: knots with what their spans ask of the joints, handed
-//! over as they are weighed, and the stream behind the block. Leaves out whether the frame was in order.
+//! In: the bytes of a block, the current state of the stream. Out: knots with the demands of their spans on the
+//! joints, handed over as they are computed, and the state of the stream after the block. Not covered: whether the
+//! frame was in order.
 
 use crate::kinematics::winding::Winding;
 use crate::line::{Receiver, Stream};

@@ -1,4 +1,4 @@
-//! The whole controller, sans IO: what a board and the simulator drive.
+//! The complete controller, sans-IO, driven by a board or the simulator.
 //!
 //! ```text
 //! bytes -> receiver -> motion (queue, time warp, joints, flow) -> step player -> step pins
@@ -6,12 +6,12 @@
 //! ```
 //! In: bytes, levels of the inputs, calls. Out: steps, bytes.
 //!
-//! Call order: [`Machine::handle_bytes`] whenever bytes arrive; every servo period
-//! [`Machine::servo_tick`], then `step_hz / servo_hz` times [`Machine::step_tick`] (or
-//! [`Machine::run_servo_interval`], which is both at once with the same result);
-//! [`Machine::poll_report`] until it returns 0. Time is the number of calls. A board that runs
-//! servo and steps in interrupts of their own builds the parts where they live ([`Machine::check`]); servo tick
-//! ([`servo`]) and round of the main loop ([`round`]) are the very same functions there.
+//! Call order: [`Machine::handle_bytes`] whenever bytes arrive; every servo period [`Machine::servo_tick`],
+//! then `step_hz / servo_hz` times [`Machine::step_tick`] (or [`Machine::run_servo_interval`], which is both at
+//! once with the same result); [`Machine::poll_report`] until it returns 0. Time is the number of calls. A
+//! board that runs servo and steps in interrupts of their own builds the parts in their own places
+//! ([`Machine::check`]); servo tick ([`servo`]) and round of the main loop ([`round`]) are the same functions
+//! there.
 
 pub mod round;
 pub mod servo;

@@ -1,12 +1,13 @@
-//! A round of the main loop: what a board does below its interrupts, and a simulation between its servo ticks.
+//! A round of the main loop: the work of a board at the lowest priority, and of a simulation between its servo
+//! ticks.
 //!
 //! ```text
 //! bytes of a line -> messages, knots weighed -> (servo and steps) -> spans to come -> heat -> drivers -> probe's pin
 //!                 -> bytes of a second line  -> a report
 //! ```
-//! In: a [`Receiver`], the motion by a [`Controller`], what is around it by [`Surroundings`]. Out: bytes; whatever the
-//! surroundings do with duties and pulses. Time is not counted here: a board goes round as fast as it can, a
-//! simulation once in a servo period. Left out: several hosts that change places, which a simulated board has.
+//! In: a [`Receiver`], the motion through a [`Controller`], the hardware around it through [`Surroundings`]. Out:
+//! bytes; duties and pulses to the surroundings. Time is not counted here: a board repeats it as fast as it can, a
+//! simulation once per servo period. Not covered: several hosts that are exchanged, as on a simulated board.
 
 use crate::line::{Outgoing, Receiver, Request, SECOND_LINE};
 use crate::motion::Motion;

@@ -1,11 +1,11 @@
-//! The servo tick, as the interrupts of a board and a simulation make it.
+//! The servo tick, common to a board's interrupt and a simulation.
 //!
 //! ```text
 //! what the steps have met -> inputs -> motion -> bank, handed over -> watchdog, drivers
 //! ```
-//! In: levels of the inputs, the steps' side of the hand-over ([`StepSide`]), rounds of the main loop. Out: the program
-//! of the next interval; whether the watchdog may be fed and the drivers hold. Left out: the lock by which a main loop
-//! gets at the motion, which is the board's.
+//! In: levels of the inputs, the steps' side of the hand-over ([`StepSide`]), the count of main-loop rounds. Out: the
+//! program of the next interval; whether the watchdog may be fed and the drivers are energised. Not covered: the lock
+//! by which a main loop accesses the motion, which the board provides.
 
 use super::watchdog::ServoHealth;
 use crate::motion::inputs::Inputs;

@@ -1,8 +1,8 @@
-//! Says every servo tick whether the hardware watchdog may be fed.
+//! Decides every servo tick whether the hardware watchdog may be fed.
 //!
-//! Healthy is a servo that has a program ready whenever an interval of the step interrupt ends, and a
-//! link loop that still comes round: without it no host could stop the machine. A board feeds its watchdog in the servo
-//! tick, and only on `true`; after the reset it latches `FaultCause::Watchdog` at start-up.
+//! The controller is healthy if the servo has a program ready whenever an interval of the step interrupt ends, and
+//! the link loop still runs: without it no host could stop the machine. A board feeds its watchdog in the servo tick,
+//! and only on `true`; after the reset it latches `FaultCause::Watchdog` at start-up.
 
 /// Servo ticks that the link loop may stay away: half a second at 2 kHz, many times its longest
 /// work (a full block of knots), well below what anybody would notice as dead.

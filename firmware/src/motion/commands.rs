@@ -1,4 +1,4 @@
-//! What the link may ask of the motion. A board calls these under a short lock.
+//! Commands of the link to the motion. A board calls these under a short lock.
 
 use super::state::{Demand, State, Stream};
 use super::{CommandError, Motion};

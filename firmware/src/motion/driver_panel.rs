@@ -1,5 +1,5 @@
-//! What the motion's side knows of the drivers: a status shows it, and a fault of them cannot be cleared
-//! while its cause lasts.
+//! The state of the drivers for the motion: a status shows it, and their fault cannot be cleared while
+//! its cause persists.
 
 use headway_protocol::message::{DriverStatus, Fault, REPORT_MOTORS_MAX};
 use heapless::Vec;

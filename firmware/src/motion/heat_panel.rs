@@ -1,7 +1,7 @@
-//! What the motion's side and the heat's side tell each other: the one place where both write.
+//! Data between motion and heat: the only structure that both write.
 //!
-//! In: what a host asks for; readings of each period. Out: targets for the heat loop; what a status
-//! shows; whether the stream waits. It lies in the motion, which a board locks for a moment.
+//! In: a host's requests; readings of each period. Out: targets for the heat loop; values for a
+//! status; whether the stream waits. It is part of the motion, which a board locks briefly.
 
 use crate::configuration::heat::{HEATERS_MAX, HeatConfiguration, PERIOD_S};
 use crate::motion::CommandError;

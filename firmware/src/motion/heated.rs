@@ -1,4 +1,5 @@
-//! What heaters do to the motion: a stream that waits for them, and melt that is left behind hot.
+//! Effects of heaters on the motion: a stream that waits for them, and retraction of hot melt after
+//! a fault.
 
 use super::state::{Demand, Stream};
 use super::{CommandError, Motion};

@@ -5,10 +5,10 @@
 //!                                        touch, slow -> cross, slow -> homed, of a joint without ends
 //! ```
 //! A joint without ends passes its switch (an index mark, a Hall sensor) in every turn: both of its edges are found
-//! slowly, in one direction, and the position is that of the middle between them, wherever it was come from.
-//! Joint by joint in joint space: no tool-centre transform takes part. Sans-IO: the switch and the
-//! motor's true position come in every servo tick, a [`JointMove`] is told what to do. The switch
-//! must hold for [`SWITCH_SETTLE_TICKS`]; the position taken is that of its first tick.
+//! slowly, in one direction, and the position is that of the middle between them, wherever the search started.
+//! Homing works joint by joint in joint space, without a tool-centre transform. Sans-IO: the switch and the motor's
+//! true position are inputs of every servo tick, the output goes to a [`JointMove`]. The switch must stay closed
+//! for [`SWITCH_SETTLE_TICKS`]; the recorded position is that of its first tick.
 
 use crate::configuration::MachineConfiguration;
 use crate::configuration::homing::JointHoming;

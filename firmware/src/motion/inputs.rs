@@ -1,4 +1,4 @@
-//! Switches and the emergency input, as the servo sees them once a tick.
+//! Switches and the emergency input, read by the servo once per tick.
 
 use crate::design::SWITCH_SETTLE_TICKS;
 

@@ -1,8 +1,8 @@
 //! Moves outside any stream: jog, homing, probing, prime and retract by hand.
 //!
-//! Joint space only, one joint at a time: no tool-centre transform takes part. All begin and end at
-//! rest with no stream open; an abort or a fault brakes them. Afterwards the motors stay where
-//! they are, and the next stream must begin there.
+//! They are in joint space, one joint at a time, without a tool-centre transform. All begin and end
+//! at rest with no stream open; an abort or a fault brakes them. Afterwards the motors keep their
+//! position, and the next stream must begin there.
 
 use super::state::{Standing, State};
 use super::{CommandError, Motion};

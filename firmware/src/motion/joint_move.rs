@@ -2,7 +2,7 @@
 //!
 //! Distances in 2^-31 steps, speeds in steps per servo tick. The trapezoid is averaged over
 //! [`SMOOTHING_TICKS`], which turns its jumps of acceleration into ramps: its jerk is the
-//! acceleration over that time. It can be braked at any time and ends exactly on its goal.
+//! acceleration divided by that time. It can be braked at any time and ends exactly at its target.
 
 use crate::configuration::JointConfiguration;
 use crate::numbers::real::{Real, smaller};

@@ -5,8 +5,8 @@
 //!             ^   |            + extruder target (flow, events, hold)
 //!        time warp (override, pause, starving)
 //! ```
-//! In: knots and flow events, commands, levels of the inputs, what heaters and drivers write on their panels. Out: a
-//! [`StepBank`] per servo tick; state, counts and faults for reports. Left out: bytes, which are `line`'s.
+//! In: knots and flow events, commands, levels of the inputs, the panels of heaters and drivers. Out: a [`StepBank`]
+//! per servo tick; state, counts and faults for reports. Not covered: bytes (`line`).
 //!
 //! Everything here is called by the servo interrupt, except the commands, which a board calls
 //! under a short lock. Deadline of [`Motion::tick`] on a board: one servo period.

@@ -1,7 +1,8 @@
-//! Where a joint trips the probe: homing's approach, whose end is told and changes no position.
+//! Probing: homing's approach until the probe triggers, with a reported end position; no position
+//! changes.
 //!
-//! In: an order with way and speeds. Out: [`ProbeResult`] for the status. Left out: what the place means,
-//! which is the host's.
+//! In: a command with distance and speeds. Out: [`ProbeResult`] for the status. Not covered: the use of
+//! the result, which is up to the host.
 
 use super::jog::units_per_natural;
 use super::state::State;

@@ -1,9 +1,10 @@
-//! The pin of a probe that goes out and in by the length of servo pulses: a BLTouch, or one of its kind.
+//! The pin of a probe that is deployed and stowed by the length of servo pulses: a BLTouch or a similar
+//! one.
 //!
-//! In: what is to touch, or an order by hand. Out: the pulse's length for the board's timer, every
-//! [`PULSE_PERIOD_US`]. Lengths and times are those of Klipper's `bltouch.py` and of Antclabs' manual. It goes in by
-//! itself when it touches, with a pulse of some ms on the probe's input, and out again when it was told to
-//! stow between. Left out: its touch switch mode, and looking whether an order was followed.
+//! In: the probing, or a manual command. Out: the pulse's length for the board's timer, every [`PULSE_PERIOD_US`].
+//! Lengths and times are those of Klipper's `bltouch.py` and of Antclabs' manual. The pin retracts by itself when it
+//! touches, with a pulse of some ms on the probe's input, and is deployed again after a stow command in between. Not
+//! covered: its touch switch mode, and verification of a command.
 
 use crate::design::ticks_of_ms;
 use headway_protocol::message::PinPosition;

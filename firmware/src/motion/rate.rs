@@ -1,7 +1,8 @@
-//! The path rate of a servo tick, and segment time moved on by it.
+//! The path rate of a servo tick, and the advance of segment time by it.
 //!
-//! In: what override, pause and flow ask for (2^-16), the spans' loads and ceilings. Out: segment time moved
-//! on, and the phase where the head came to rest. How a limit bends the rate is `motion/time_warp.rs`.
+//! In: the rates requested by override, pause and flow (2^-16), the spans' loads and ceilings. Out: the
+//! advanced segment time, and the phase where the head came to rest. The effect of limits on the rate is in
+//! `motion/time_warp.rs`.
 
 use super::Motion;
 use super::state::State;

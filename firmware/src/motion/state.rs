@@ -1,9 +1,9 @@
-//! What the motion is doing, as one value: nothing, a stream, the end of one, a move by hand.
+//! The state of the motion, as one value: idle, a stream, the end of one, a manual move.
 //!
-//! In: what the line asks for, and how segment time goes on. Out: whether the motors follow the path, whether it may
-//! move, what a status says of it. What cannot be does not compile: the motors of an open stream are never let go, a move
-//! by hand follows no path, an engine that must be stopped plays nothing, only a stream pauses, waits for heat or has an
-//! end. Left out: the latched fault, which may come with any of them.
+//! In: requests of the line, and the advance of segment time. Out: whether the motors follow the path, whether it may
+//! move, its state for a status. Impossible states do not compile: the motors of an open stream are never released, a
+//! manual move follows no path, an engine that must be stopped plays nothing, only a stream pauses, waits for heat or
+//! has an end. Not covered: the latched fault, which may occur in any of them.
 
 /// How the motors stand while nothing moves them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

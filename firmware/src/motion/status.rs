@@ -1,4 +1,4 @@
-//! What the motion tells of itself.
+//! The motion's report of its state.
 
 use super::Motion;
 use super::state::{Demand, State, Stream};

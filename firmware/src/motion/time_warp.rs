@@ -6,12 +6,12 @@
 //! which the head can always come to rest on the path. While neither wants less than 1, sigma is
 //! exactly 1 and the steps are those of the plan.
 //!
-//! Ramps that somebody asked for (override, pause, resume) also build their slope up and down, over
-//! `SLOPE_TICKS`, and bend round when they are called back, so that the joints' acceleration does not
-//! jump. So does the slope of a ramp that the queue's end demands, where the end is seen in time; one that
-//! a limit demands may take its whole slope at once. Both may end at once, for they must end where they
-//! must. The extruder's speed does not jump in either: pressure advance is smoothed over its window
-//! (flow/mod.rs), and its acceleration is part of the load.
+//! Requested ramps (override, pause, resume) also increase and decrease their slope gradually, over
+//! `SLOPE_TICKS`, and change smoothly when they are cancelled, so that the joints' acceleration does not
+//! jump. The same is true of a ramp for the end of the queue, if the end is detected in time; one for a
+//! limit may use its full slope at once. Both may end abruptly, because their end point is fixed. The
+//! extruder's speed does not jump in either: pressure advance is smoothed over its window (flow/mod.rs),
+//! and its acceleration is part of the load.
 
 use crate::design::{CEILING_OPEN, PATH_RATE_MAX, WARP_ROOM};
 use crate::numbers::real::{Real, smaller};

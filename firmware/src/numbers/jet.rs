@@ -1,12 +1,13 @@
-//! Truncated Taylor series as numbers: derivatives of the kinematics from the kinematics' own source.
+//! Truncated Taylor series as numbers: they give derivatives of the kinematics from the same source
+//! code.
 //!
-//! A [`Jet`] of N coefficients holds f(t), f'(t), f''(t)/2, ... of a number that changes with time;
-//! what is computed with jets comes out with its derivatives, exact but for rounding. Three
-//! coefficients (f32) are what the controller needs of a span, four (f64) what the planner needs.
-//! Rules of the operations: A. Griewank and A. Walther, Evaluating Derivatives (2008), table 13.2.
-//! On a controller every operation is a call: copies of them in every equation would take a quarter of
-//! its flash, and spans come by the hundred a second, not by the servo tick.
-//! Left out: derivatives where the function has none (a root or an angle at 0): they come out as 0.
+//! A [`Jet`] of N coefficients holds f(t), f'(t), f''(t)/2, ... of a number that changes with time; a
+//! value computed with jets includes its derivatives, exact except for rounding. The controller needs
+//! three coefficients (f32) for a span, the planner four (f64). Rules of the operations: A. Griewank
+//! and A. Walther, Evaluating Derivatives (2008), table 13.2. On a controller every operation is a
+//! call: inlined copies in every equation would take a quarter of its flash, and this code runs a
+//! hundred times per second for spans, not in every servo tick. Not covered: derivatives where the
+//! function has none (a root or an angle at 0): they are 0.
 
 use crate::numbers::real::Real;
 use core::cmp::Ordering;

@@ -1,9 +1,9 @@
 //! Number type of the pose mathematics, with the trigonometry that the hot path may use.
 //!
-//! The same generic code runs in f32 on the controller (kernels below: a few dozen instructions,
-//! no f64, no fused multiply-add, so host and device agree to the bit) and in f64 on the host
-//! (libm). Kernels after S. Moshier, Cephes single-precision library (1989): sinf.c, atanf.c.
-//! Left out: anything beyond what poses need (no exp, no log).
+//! The same generic code runs in f32 on the controller (kernels below: a few dozen instructions, no
+//! f64, no fused multiply-add, so host and device agree to the bit) and in f64 on the host (libm).
+//! Kernels after S. Moshier, Cephes single-precision library (1989): sinf.c, atanf.c. Not covered:
+//! functions that poses do not need (no exp, no log).
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};

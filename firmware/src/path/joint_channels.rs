@@ -1,6 +1,6 @@
-//! Which channel each motor follows, and how far a channel's integer base is in motor steps.
+//! The channel that each motor follows, and a channel's integer base in motor steps.
 //!
-//! Moved once per span, exactly: nothing drifts however long the job.
+//! It is advanced once per span, exactly: nothing drifts however long the job.
 
 use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::kinematics;

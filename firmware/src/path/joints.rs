@@ -1,6 +1,7 @@
 //! Interpolated motors -> joint targets in steps, with the soft limits.
 //!
-//! A joint channel's integer base is exact (path/interpolator/ready_span.rs); its offset and what the tilt adds are f32.
+//! A joint channel's integer base is exact (path/interpolator/ready_span.rs); its offset and the tilt's contribution
+//! are f32.
 
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::kinematics::pose::Pose;

@@ -1,4 +1,4 @@
-//! What a span asks of the joints, for the time warp: computed once per knot, on reception.
+//! Demands of a span on the joints, for the time warp: computed once per knot, on reception.
 //!
 //! With segment time u, path rate sigma and q(u) a joint: acceleration = sigma² q'' + sigma' q'.
 //! alpha = max |q''| / A and beta = max |q'| / A over all joints and the extruder bound the slope

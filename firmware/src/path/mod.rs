@@ -5,9 +5,9 @@
 //!          spans     demands  ceilings  offsets, f32    targets, 2^-31 steps
 //!                    of joints          and exact bases (joint_channels)
 //! ```
-//! In: knots as they were received, with their durations in servo ticks. Out: at a segment time (2^-16 ticks) the target
-//! of every joint, and its soft limits; for each span what it asks of the joints. Left out: how fast segment time
-//! flows, which is `motion`'s.
+//! In: received knots, with their durations in servo ticks. Out: at a segment time (2^-16 ticks) the target of every
+//! joint, and its soft limits; for each span its demands on the joints. Not covered: the rate of segment time
+//! (`motion`).
 
 pub mod interpolator;
 pub mod joint_channels;

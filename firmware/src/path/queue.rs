@@ -1,11 +1,11 @@
-//! Knots that wait for their turn, with the ceiling of the path rate over them.
+//! The queue of knots, with the ceiling of the path rate over them.
 //!
-//! Each entry knows two ceilings of sigma² at its span's start: the largest from which the head can
-//! still come to rest on the path by the end of the last span buffered, and the largest (above 1)
-//! from which it can slow down in time for a span that has less room. One backward pass after each
-//! arrival keeps them: y_start = (y_end + 2 h w / beta) / (1 + 2 h alpha / beta), the implicit step of
-//! d(sigma²)/du = -2 (w - alpha sigma²) / beta (w = 0.985 of the full limit), which never overestimates. The pass stops where
-//! nothing changes, which is the stopping distance from the end, so it is short on a deep queue.
+//! Each entry has two ceilings of sigma² at its span's start: the largest from which the head can still come to rest
+//! on the path by the end of the last buffered span, and the largest (above 1) from which it can slow down in time
+//! for a span with less room. One backward scan after each arrival updates them: y_start = (y_end + 2 h w / beta) /
+//! (1 + 2 h alpha / beta), the implicit step of d(sigma²)/du = -2 (w - alpha sigma²) / beta (w = 0.985 of the full
+//! limit), which never overestimates. The scan stops where nothing changes, at the stopping distance from the end,
+//! so it is short on a deep queue.
 
 use crate::design::{CEILING_OPEN, QUEUE_KNOTS, WARP_ROOM};
 use crate::numbers::real::smaller;

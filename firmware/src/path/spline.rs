@@ -1,4 +1,4 @@
-//! Knots -> polynomial pieces of the motion, for host (f64) and controller (f32) alike.
+//! Knots -> polynomial pieces of the motion, for both host (f64) and controller (f32).
 //!
 //! [`SpanWindow`] takes the knots of `headway_protocol::segment` one by one and keeps the four
 //! control points and five durations that shape the newest span; [`SpanPolynomial`] is that span

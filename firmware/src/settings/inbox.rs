@@ -1,7 +1,7 @@
-//! Settings on their way in: parts of the line, in order -> a checked record that waits to be stored.
+//! Incoming settings: parts from the line, in order -> a checked record that waits to be stored.
 //!
-//! In: the messages `SettingsBegin`, `SettingsPart`, `SettingsEnd`. Out: the record, for whoever has a flash.
-//! Left out: whether the board may take settings now, which the receiver asks the motion.
+//! In: the messages `SettingsBegin`, `SettingsPart`, `SettingsEnd`. Out: the record, for a board with flash.
+//! Not covered: whether the board may accept settings now, which the receiver checks with the motion.
 
 use super::{BoardLimits, BoardSettings, Record, SettingsProblem, SettingsRefusal, refusal};
 use headway_protocol::message::SETTINGS_PART_BYTES;

@@ -3,12 +3,11 @@
 //! ```text
 //! version u8 | section: tag u8, length u16 LE, postcard body | section | ... | CRC-32 u32 LE of all before it
 //! ```
-//! Here, because host and board check a record with the very same code. In: bytes, at most
-//! [`SETTINGS_BYTES_MAX`]. Out: [`BoardSettings`] that can be run, or a [`SettingsRefusal`] with the place.
-//! A section that is missing leaves the board's own, the machine alone must be there; an unknown one is
-//! refused, unless its tag says that a board may do without it. `store` keeps a record in flash, `inbox`
-//! collects one from the line. Left out: which pin an input is,
-//! which is the board's.
+//! Why here: host and board check a record with the same code. In: bytes, at most [`SETTINGS_BYTES_MAX`].
+//! Out: [`BoardSettings`] that can be run, or a [`SettingsRefusal`] with the place. A missing section
+//! keeps the board's own, and only the machine is mandatory; an unknown one is refused, unless its tag
+//! marks it as optional. `store` keeps a record in flash, `inbox` collects one from the line. Not covered:
+//! the pin of an input, which the board defines.
 
 pub mod inbox;
 pub mod store;

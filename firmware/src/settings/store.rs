@@ -1,4 +1,5 @@
-//! Keeps one record in flash, so that a power cut at any moment leaves the old one or the new one whole.
+//! Keeps one record in flash, so that after a power failure at any time the old one or the new one is
+//! complete.
 //!
 //! ```text
 //! slot:  head (sequence u32, length u32, CRC-32 of both and the record u32, 0 u32) | record
@@ -6,9 +7,9 @@
 //! take:  of the slots whose CRC is right, that with the newer sequence
 //! ```
 //! Two slots instead of a log of records (`sequential-storage`): there is one record, it changes seldom, and
-//! this has neither a future to poll nor a panic to prove away. In: bytes, at most [`SETTINGS_BYTES_MAX`],
-//! over `embedded-storage`. A head that was written in part, a slot erased in part and one that has aged all
-//! fail the CRC. Left out: wear, at 10,000 erasures of a sector no matter.
+//! this code needs neither futures nor a proof of absence of panics. In: bytes, at most
+//! [`SETTINGS_BYTES_MAX`], over `embedded-storage`. A partly written head, a partly erased slot and one with
+//! aged cells all fail the CRC. Not covered: wear, which is no concern at 10,000 erasures of a sector.
 
 use super::Record;
 use embedded_storage::nor_flash::NorFlash;

@@ -1,7 +1,7 @@
-//! Goal: settings come over the line whole or are refused with the place, and a power cut at any byte of
-//! storing them leaves the old or the new ones.
-//! Method: records with one thing wrong; a flash model that dies after so many bytes erased or written, at
-//! every number of them, and is read by a new store; frames through the whole controller.
+//! Goal: settings are received completely or refused with the place, and after a power failure at any byte
+//! of storing them the old or the new ones are valid. Method: records with one thing wrong; a flash model
+//! that fails after a given number of bytes erased or written, for every such number, and is read by a new
+//! store; frames through the whole controller.
 
 use super::store::{SLOT_BYTES_MIN, SettingsStore, StoreError};
 use super::*;

@@ -1,7 +1,7 @@
-//! One servo interval for all motors, as the programmer writes it and the engine plays it.
+//! One servo interval for all motors, written by the programmer and played by the engine.
 //!
-//! There are two: while one plays the next is written into the other. A bank is whole in itself (it
-//! begins at the phase where the one before it ends, which the programmer knows), so that a change
+//! There are two: while one plays the next is written into the other. A bank is self-contained (it
+//! begins at the phase where the previous one ends, which the programmer knows), so that a change
 //! of banks moves nothing.
 
 use super::{INTERVAL_TICKS_MAX, Stopped};

@@ -1,11 +1,11 @@
-//! How long all motors wait, so that pressure advance is centred on the motion.
+//! The delay of all motors that centres pressure advance on the motion.
 //!
-//! e = V + K dV/dt needs dV/dt of now, but a mean over a window W that looks back is that of W / 2 ago.
-//! So everything else waits for it: targets of joints and of the planned extruder are followed W / 2
-//! after they were evaluated (`steps/waiting_targets.rs`), the advance alone at once. A shaper looks back too: all
-//! wait for the longest, and the advance for what that is above W / 2 (`steps/shaping.rs`). Without either
-//! nothing waits. In: the machine's configuration. Out: servo ticks, and the whole delay in s. A stop at
-//! once does not wait.
+//! e = V + K dV/dt needs the current dV/dt, but a mean over a past window W is that of W / 2 ago. So everything
+//! else is delayed: targets of joints and of the planned extruder are followed W / 2 after they were evaluated
+//! (`steps/waiting_targets.rs`), only the advance at once. A shaper uses the past too: all are delayed for the
+//! longest, and the advance by the excess of that over W / 2 (`steps/shaping.rs`). Without either there is no
+//! delay. In: the machine's configuration. Out: servo ticks, and the total delay in s. An immediate stop is not
+//! delayed.
 
 use crate::configuration::{ExtruderConfiguration, MachineConfiguration};
 use crate::design::{self, ADVANCE_WINDOW_TICKS_MAX};

@@ -1,8 +1,8 @@
-//! Plays step programs: the part that runs in the step interrupt.
+//! Plays step programs in the step interrupt.
 //!
-//! It counts the ticks and keeps the direction pins; the bank that plays is handed in. Whoever owns
-//! the banks decides which one is next: [`super::StepPlayer`] where all is one, the boards' runtime
-//! where servo and steps are interrupts of their own.
+//! It counts the ticks and stores the state of the direction pins; the current bank is an argument.
+//! The owner of the banks chooses the next one: [`super::StepPlayer`] in a single context, the
+//! boards' runtime where servo and steps are interrupts of their own.
 
 use super::bank::TURNS;
 use super::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, StepBank, Stopped};

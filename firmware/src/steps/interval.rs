@@ -1,4 +1,5 @@
-//! Numbers of the servo interval, with which ways and bends become rates without a division.
+//! Constants of the servo interval that convert displacements and second differences to rates
+//! without a division.
 //!
 //! In: step ticks of an interval. Out: reciprocals in fixed point, and the largest rate.
 

@@ -1,20 +1,20 @@
 //! Joint targets at the servo rate -> steps at the step rate, in fixed point.
 //!
-//! In: targets of the joints and of the extruder, each servo tick. Out: steps and directions at a [`output::StepOutput`],
-//! as late as shapers and pressure advance demand (`delay`), for the motors that pairs and copies make of joints
-//! (`motor_mix`).
+//! In: targets of the joints and of the extruder, each servo tick. Out: steps and directions at a
+//! [`output::StepOutput`], delayed as shapers and pressure advance require (`delay`), for motors that are joints,
+//! pairs or copies (`motor_mix`).
 //!
 //! Positions are i64 in 2^-31 steps. Every servo tick a [`StepProgrammer`] turns the targets of
 //! four successive servo ticks into the program of a [`StepBank`]: one parabola per motor for the
-//! interval between the middle two,
-//! p(t) = q1 + (q2 - q1) t + A/2 t (t - 1), A = the mean of the second differences at both ends,
-//! so that speed is nearly continuous and the ends are hit. The [`StepEngine`] plays it with two
-//! additions per motor and step tick: `phase += v; v += a`, a step where bit 31 toggles. A step is
-//! due when the position crosses n + 1/2 and comes in the last tick before that, half a tick early
-//! on average; that half tick belongs to the constant delay (`design::motion_delay_s`).
+//! interval between the middle two, p(t) = q1 + (q2 - q1) t + A/2 t (t - 1), A = the mean of the
+//! second differences at both ends, so that speed is nearly continuous and the ends are hit. The
+//! [`StepEngine`] plays it with two additions per motor and step tick: `phase += v; v += a`, a step
+//! where bit 31 toggles. A step is due when the position crosses n + 1/2 and is made in the last
+//! tick before that, half a tick early on average; that half tick belongs to the constant delay
+//! (`design::motion_delay_s`).
 //!
-//! No counter runs in the step tick: the programmer knows the exact count by formula, and aims
-//! every interval from where the last one really ended, so rounding never adds up.
+//! The step tick has no counter: the programmer computes the exact count by formula, and starts
+//! every interval from the real end of the last one, so rounding never accumulates.
 //!
 //! Source: the parabola is the quadratic through the averaged second difference (Catmull-Rom
 //! slopes give the same to second order); phase accumulators as in direct digital synthesis.

@@ -1,7 +1,7 @@
 //! Targets of the joints -> targets of the motors, for the step generator: pairs that share two motors, and copies.
 //!
 //! In: a [`MotorMatrix`], positions in 2^-31 steps and fine targets in 2^-22 steps, where sums and differences are exact.
-//! Out: the same for each motor. What pairs and copies are is in `configuration/motors.rs`.
+//! Out: the same for each motor. `configuration/motors.rs` defines pairs and copies.
 
 use crate::configuration::MOTORS_MAX;
 use crate::configuration::motors::{COPIES_MAX, MotorMatrix};

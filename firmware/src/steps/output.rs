@@ -1,4 +1,4 @@
-//! The only traits at the edge to the pins.
+//! The only traits between the library and the pins.
 //!
 //! The library calls them; a board, a recorder and a tracer implement them. Bit m of a mask is
 //! motor m: the joints in order, then the extruder.

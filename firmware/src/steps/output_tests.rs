@@ -1,6 +1,6 @@
-//! Goal: what the drivers see is right: a direction is set up before its step, a pulse is long
-//! enough, and pins that are not ours stay alone. Method: the engine plays curves into ports that
-//! record every word, and pulses and directions are read off the pins' levels.
+//! Goal: the drivers' signals are right: a direction is set before its step, a pulse is long
+//! enough, and other pins stay unchanged. Method: the engine plays curves into ports that record
+//! every word, and pulses and directions are read off the pins' levels.
 use super::*;
 use crate::board::octopus;
 use crate::steps::{STEP as ONE_STEP, StepPlayer, StepProgrammer};

@@ -1,4 +1,5 @@
-//! Engine and banks in one hand, for simulation: servo and steps take turns, nothing interrupts.
+//! Engine and banks in one structure, for simulation: servo and steps alternate, without
+//! interrupts.
 
 use super::{INTERVAL_TICKS_MAX, Moment, StepBank, StepEngine, Stopped};
 use crate::steps::output::StepOutput;

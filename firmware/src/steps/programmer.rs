@@ -1,9 +1,9 @@
 //! Targets of successive servo ticks -> one parabola per motor and interval.
 //!
-//! Everything that runs each tick is 32 bits wide: ways in 2^-22 steps, and the end of the last
-//! program in 2^-31 steps modulo two, which is the engine's phase. The 64-bit position is put
-//! together when it is asked for. Targets are of joints; where the motors are not the joints, they are mixed
-//! last, and positions that are asked for come back as the joints'.
+//! All code of a tick uses 32 bits: displacements in 2^-22 steps, and the end of the last program in 2^-31
+//! steps modulo two, which is the engine's phase. The 64-bit position is assembled on request. Targets are
+//! those of joints; where the motors are not the joints, they are mixed last, and requested positions are
+//! converted back to joints.
 
 use super::interval::Interval;
 use super::track::{MotorTrack, Turns, WAY_FRACTION_BITS, WAY_SHIFT};

@@ -1,11 +1,12 @@
-//! Shaped targets in the servo tick: a few taps in the line of waiting targets, in integers.
+//! Shaped targets in the servo tick: a few taps of the delay line, in integers.
 //!
-//! A target is known modulo 1024 steps, so sums are made of ways from tick to tick and never of targets:
-//! y = sum of A_k x(t - t_k) grows by the sum of A_k times the way at t_k, exactly, since the weights are
-//! integers that add up to 2^30. An impulse between two ticks is parted among them by its place, which
-//! keeps the mean time. Averages are the same with weights 1, -2, 1 summed up twice more, less what the plain
-//! delay would do: what is left is 0 once everything has come out, so that rounding never adds up.
-//! In: rows of the line. Out: 2^-22 steps. Which taps: `steps/shaping.rs`.
+//! A target is known modulo 1024 steps, so sums are over displacements from tick to tick and never over
+//! targets: y = sum of A_k x(t - t_k) increases by the sum of A_k times the displacement at t_k, exactly,
+//! since the weights are integers that add up to 2^30. An impulse between two ticks is split among them by
+//! its position, which keeps the mean time. Averages work in the same way with weights 1, -2, 1 summed twice
+//! more, minus the plain delay: the difference is 0 once all targets have left the line, so that rounding
+//! never accumulates.
+//! In: rows of the delay line. Out: 2^-22 steps. `steps/shaping.rs` gives the taps.
 
 use crate::configuration::{JOINTS_MAX, MOTORS_MAX};
 use crate::steps::delay::Delays;

@@ -1,13 +1,14 @@
-//! Input shapers: what a joint's targets are averaged with, so that its frame does not ring.
+//! Input shapers: the weights by which a joint's targets are averaged, so that its frame does not
+//! ring.
 //!
 //! Shaped targets are y(t) = sum of A_k x(t - t_k) with A_k > 0 that add up to 1: a mean of the plan at a
-//! few earlier moments. It moves no joint faster, harder or further than the plan does, and ends where the
+//! few earlier times. It exceeds neither speed, acceleration nor range of the plan, and ends where the
 //! plan ends. ZV (Singer and Seering, 1990), MZV and EI are Klipper's (`klippy/extras/shaper_defs.py`);
 //! `Smooth` is the average over one period of the vibration, of the average over one period.
 //!
-//! In: kind, frequency in Hz and damping of a joint. Out: impulses in servo ticks, the line's whole wait,
-//! and the place of each tap in it (`steps/shaper.rs`). All joints and the extruder wait as long as the
-//! mean of the longest shaper (`steps/delay.rs`). Left out: the extruder, which is not shaped.
+//! In: kind, frequency in Hz and damping of a joint. Out: impulses in servo ticks, the total delay, and
+//! the position of each tap in it (`steps/shaper.rs`). All joints and the extruder are delayed by the
+//! mean of the longest shaper (`steps/delay.rs`). Not covered: the extruder, which is not shaped.
 
 use crate::configuration::shaping::{Shaper, ShaperKind};
 use crate::configuration::{JOINTS_MAX, MachineConfiguration};

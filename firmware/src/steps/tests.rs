@@ -1,4 +1,4 @@
-//! Goal: steps come where the commanded curve crosses n + 1/2, none is lost or invented, and the
+//! Goal: steps are made where the commanded curve crosses n + 1/2, none is lost or added, and the
 //! fast path equals the tick-by-tick one. Method: known curves, sampled at the servo rate; their
 //! crossings are found by bisection.
 use super::*;

@@ -1,7 +1,7 @@
-//! One motor from target to target: where it really is, and the parabola of its next interval.
+//! One motor from target to target: its true position, and the parabola of its next interval.
 //!
-//! In: what comes out of the line, 2^-22 steps. Out: phase, velocity and acceleration for the engine, whether its
-//! direction pin changes, and whether it can follow at all.
+//! In: targets from the delay line, 2^-22 steps. Out: phase, velocity and acceleration for the engine, whether
+//! its direction pin changes, and whether it can follow at all.
 
 use super::bank::Motor;
 use super::interval::Interval;

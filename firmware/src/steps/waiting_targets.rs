@@ -1,9 +1,9 @@
-//! The line in which all motors wait for pressure advance.
+//! The delay line of all motors, for pressure advance and shapers.
 //!
-//! Targets of successive servo ticks go in, those of some ticks ago come out: as much of them as a
-//! program needs, 2^-22 steps modulo 1024. The advance itself does not wait: it is added to what comes
-//! out. Why, and how long: [`crate::steps::delay`]. Joints that are shaped come out as a mean of several rows
-//! (`shaper.rs`). Rows are of joints; where motors are not the joints, what comes out is mixed last.
+//! Its input are the targets of successive servo ticks, its output those of some ticks ago, in the form that
+//! a program needs: 2^-22 steps modulo 1024. The advance itself is not delayed: it is added to the output.
+//! [`crate::steps::delay`] gives the reason and the delay. For shaped joints the output is a mean of several
+//! rows (`shaper.rs`). Rows are of joints; where motors are not the joints, the output is mixed last.
 
 use super::shaper::Shapers;
 use super::{FINE_BIAS, TARGET_SHIFT};

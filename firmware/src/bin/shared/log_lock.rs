@@ -1,4 +1,4 @@
-//! Logs are written from the main loop alone: whoever writes one holds the servo off, never the steps.
+//! Logs are written only from the main loop: writing one delays the servo, never the steps.
 
 use super::SERVO_PRIORITY;
 use cortex_m::register::basepri;

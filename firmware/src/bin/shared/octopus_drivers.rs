@@ -1,5 +1,5 @@
-//! Wires of the drivers' UARTs on the BTT Octopus, driven and read as pins, timed by the core's counter of
-//! clocks. From the main loop alone: nothing else touches the modes of pins once interrupts are on.
+//! Wires of the drivers' UARTs on the BTT Octopus, driven and read as pins, timed by the core's cycle
+//! counter. Only used from the main loop: nothing else changes pin modes once interrupts are on.
 
 use crate::pins::{input, is_high, output};
 use crate::runtime;

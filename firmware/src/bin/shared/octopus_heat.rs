@@ -1,5 +1,5 @@
-//! Converter 3 of the STM32F446, after RM0390 (chapter 13): the thermistors one after the other, a conversion
-//! at a time, begun and fetched by the main loop, which never waits for it.
+//! Converter 3 of the STM32F446, after RM0390 (chapter 13): the thermistors one after another, one conversion
+//! at a time, started and read by the main loop, which never waits for it.
 
 use crate::pins;
 use crate::stm32f4::CoreDelay;

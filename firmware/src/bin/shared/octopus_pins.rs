@@ -1,4 +1,4 @@
-//! Registers of the ports of the BTT Octopus v1.1, for all but steps. Which pin is which is in
+//! Registers of the ports of the BTT Octopus v1.1, except for steps. The pin assignment is in
 //! `headway_firmware::board::octopus`.
 
 use crate::ports::{PORT_BYTES, SET_RESET};

@@ -1,5 +1,5 @@
 //! Timer 4 of the STM32F446, after RM0390 (chapter 18): pulses of the probe port's servo pin, PB6, its channel 1.
-//! The timer makes them alone; the main loop changes their length.
+//! The timer generates them by itself; the main loop changes their length.
 
 use crate::pins;
 use crate::stm32f4::rcc::{Bus, clock_on};

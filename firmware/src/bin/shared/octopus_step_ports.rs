@@ -1,5 +1,5 @@
-//! The drivers' ports of the BTT Octopus v1.1, written as fast as they can be: a step is due every
-//! 5 us. The bench has them in memory.
+//! The drivers' ports of the BTT Octopus v1.1, written as fast as possible: a step is due every 5
+//! us. In the bench they are memory.
 
 use headway_firmware::board::octopus::{DIRECTION, STEP};
 use headway_firmware::configuration::MOTORS_MAX;

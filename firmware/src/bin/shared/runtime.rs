@@ -1,14 +1,14 @@
-//! What all boards do alike: three contexts of different priority around the library.
+//! The common runtime of all boards: three contexts of different priority around the library.
 //!
 //! ```text
 //! SysTick, highest:  step ticks; pends the servo at the end of each interval
 //! PendSV, below:     servo tick: motion -> program for the next interval
 //! main loop, lowest: link: bytes -> requests, reports -> bytes; the spans to come
 //! ```
-//! The main loop holds the servo off by BASEPRI while it hands knots over, copies a status, lays a span or follows
-//! a command. How long, in instructions, is in `docs/measurements/firmware.md`: some 700, 3,800, 1,700, and up to
-//! 24,000 for a start at rest. **Nothing here holds the steps off.** Servo and steps have a bank each, and change them by one
-//! word ([`HANDOVER`]):
+//! The main loop masks the servo by BASEPRI while it hands knots over, copies a status, prepares a span or executes a
+//! command. The durations, in instructions, are in `docs/measurements/firmware.md`: some 700, 3,800, 1,700, and up to
+//! 24,000 for a start at rest. **Nothing here delays the steps.** Servo and steps have a bank each, and exchange them
+//! through one word ([`HANDOVER`]):
 //!
 //! ```text
 //! EMPTY   --servo: its bank is written-->      HANDED
@@ -16,8 +16,8 @@
 //! any     --steps: stopped-->                  STOPPED   (what was handed over is not played)
 //! STOPPED --servo: has found the motors-->     EMPTY
 //! ```
-//! A stop is an interrupt of the steps' own priority, whoever asks for it. A delayed or lost step
-//! tick moves time, never a count: everything is counted in step ticks.
+//! A stop is an interrupt of the steps' own priority, whatever requests it. A delayed or lost step
+//! tick shifts time, never a count: everything is counted in step ticks.
 
 // Each board uses what it needs of this.
 #![allow(dead_code)]

@@ -1,8 +1,9 @@
-//! What the STM32F4 boards share: start-up, clocks, watchdog, emergency input, serial line, main loop.
+//! The common part of the STM32F4 boards: start-up, clocks, watchdog, emergency input, serial line,
+//! main loop.
 //!
-//! A board names its pins, its chip and which serial port it uses, and hands its pins over in
-//! [`Parts`]; `runtime.rs` does the rest. Registers after RM0090 (STM32F405) and RM0390 (STM32F446),
-//! which agree in all that is used here. Built and emulated: it has not run on hardware.
+//! A board names its pins, its chip and its serial port, and hands its pins over in [`Parts`];
+//! `runtime.rs` does the rest. Registers after RM0090 (STM32F405) and RM0390 (STM32F446), which
+//! agree in everything used here. Built and emulated: it has not run on hardware.
 
 // Each board uses what it needs of this.
 #![allow(dead_code)]

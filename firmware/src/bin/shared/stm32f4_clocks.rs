@@ -1,9 +1,9 @@
-//! The board's crystal, 168 MHz core, 48 MHz USB (180 MHz could not give USB its clock). By hand, because
-//! the chip's library computes dividers with panics and waits without a bound; after RM0390 and RM0090,
-//! chapter 6 each.
+//! The board's crystal, 168 MHz core, 48 MHz USB (180 MHz cannot provide the USB clock). It is programmed
+//! by hand, because the chip's library computes dividers with panics and waits without a bound; after
+//! RM0390 and RM0090, chapter 6 each.
 //!
 //! Without the right crystal the core runs from the internal oscillator (1 %): good enough for the
-//! serial line, which tells why nothing moves.
+//! serial line, which reports why nothing moves.
 
 use crate::board::CRYSTAL_HZ;
 use headway_firmware::board::{crystal_fault, crystal_hz};

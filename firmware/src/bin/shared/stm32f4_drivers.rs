@@ -1,5 +1,5 @@
-//! Drivers of an STM32F4 board that speaks with them: set up before interrupts are on, then asked by the main
-//! loop while nothing moves.
+//! Drivers of an STM32F4 board that communicates with them: set up before interrupts are on, then queried by
+//! the main loop while nothing moves.
 
 use crate::board::DriverPins;
 use crate::runtime::with_motion;

@@ -1,8 +1,9 @@
 //! Settings in the flash of an STM32F4 board: read at the start, stored from the main loop.
 //!
-//! While a sector is erased the core stands still (up to 2 s), so before it heaters and fans are off by their
-//! pins and in their schedule, and the watchdog waits longer; that nothing moves and no heater has a target has
-//! been asked before (`Receiver`). Bytes that come meanwhile are lost, and sent again by the host.
+//! While a sector is erased the core is stalled (up to 2 s), so before that heaters and fans are switched off
+//! at their pins and in their schedule, and the watchdog's time is extended; `Receiver` has checked before that
+//! nothing moves and no heater has a target. Bytes that arrive during that time are lost, and the host sends
+//! them again.
 
 use crate::board::{INPUTS, MOTORS, NAMES, SETTINGS_SECTORS, heaters_off};
 use crate::stm32f4::{heat, start};

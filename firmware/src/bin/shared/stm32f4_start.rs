@@ -1,9 +1,9 @@
-//! The first instructions, before memory is set up: whatever a boot loader left is cleaned away.
+//! The first instructions, before memory is initialised: they clean up after a boot loader.
 //!
 //! Interrupts off, SysTick off, nothing pending, nothing enabled, no priority masked, this image's
-//! vector table, the watchdog; then the memory is asked for what the run before left in it. From
-//! ARM DDI 0403 (B3.2 to B3.4). A boot loader is taken to enter as a reset does: on the main stack,
-//! privileged.
+//! vector table, the watchdog; then data that the program left in memory before the reset are read.
+//! From ARM DDI 0403 (B3.2 to B3.4). A boot loader is assumed to enter like a reset: on the main
+//! stack, privileged.
 
 use super::rcc::all_inputs;
 use core::mem::MaybeUninit;

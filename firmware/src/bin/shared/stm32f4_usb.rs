@@ -1,7 +1,8 @@
 //! USB CDC of an STM32F4: a serial port to the host, with the chip's own serial number.
 //!
-//! The driver masks all interrupts while it moves a packet, and has no reason to: it is polled from the
-//! main loop alone. It runs where the core ignores that ([`without_masking`]), so that no step waits.
+//! The driver masks all interrupts while it moves a packet, without need: it is polled only from the
+//! main loop. It is called where the core ignores that ([`without_masking`]), so that no step is
+//! delayed.
 
 use crate::runtime::without_masking;
 use crate::stm32f4::rcc::{Bus, clock_on};

@@ -1,7 +1,7 @@
-//! Goal: pressure advance is centred on the motion: it lays the melt where the path wants it, as well as a
-//! model of the melt says that it can. Method: a job slows down for corners and speeds up again; the melt
-//! follows the extruder's motor as a first-order lag; what leaves the nozzle is compared with what the
-//! path wants where the head then is.
+//! Goal: pressure advance is centred on the motion: it deposits the melt where the path requires it, as
+//! well as a model of the melt permits. Method: a job slows down for corners and speeds up again; the melt
+//! follows the extruder's motor as a first-order lag; the flow out of the nozzle is compared with the
+//! path's at the head's position.
 use super::*;
 use crate::steps::STEP;
 

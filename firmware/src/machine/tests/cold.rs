@@ -1,6 +1,6 @@
 //! Goal: melt never moves while the hot end is too cold for it: by hand, in a stream, after its target was
-//! taken away; leave to do so lasts for one run. Method: the machine with heaters of one mass, the
-//! extruder's steps counted.
+//! removed; permission to do so applies to one stream or extrusion. Method: the machine with heaters of
+//! one mass, the extruder's steps counted.
 use super::*;
 use crate::configuration::heat::EXTRUDE_MIN_C;
 use headway_protocol::message::ColdHeater;

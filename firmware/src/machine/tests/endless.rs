@@ -1,6 +1,6 @@
-//! Goal: a joint that turns without an end never runs out of counts, and is never unwound; counters hold
-//! where they wrap. Method: streams that begin turns away from where the last one ended, and motion across
-//! the wrap of the whole steps, step for step the same as far from it.
+//! Goal: a joint that turns without an end never runs out of counts, and is never unwound; counters work
+//! where they wrap. Method: streams that begin several turns from the end of the last one, and motion
+//! across the wrap of the whole steps, equal step for step to motion far from it.
 use super::*;
 use crate::steps::STEP;
 

@@ -1,5 +1,5 @@
-//! Goal: a fault stops the machine in the way its cause demands, is reported, stays until it is
-//! cleared, and nothing extrudes meanwhile. Method: one cause at a time in the middle of a job.
+//! Goal: a fault stops the machine as its cause requires, is reported, stays until it is cleared,
+//! and nothing extrudes until then. Method: one cause at a time in the middle of a job.
 use super::*;
 use crate::motion::CommandError;
 

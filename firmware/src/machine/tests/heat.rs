@@ -1,6 +1,6 @@
 //! Goal: a stream waits at rest for its heaters, a heater's fault brings the head to rest on the path and
-//! pulls the melt back, and only the host that streams can heat. Method: the heat loop beside the
-//! machine on a heater of one mass.
+//! retracts the melt, and only the host that streams can heat. Method: the heat loop with the machine on
+//! a heater of one mass.
 use super::*;
 use crate::configuration::heat::HeatConfiguration;
 use crate::heat::Outputs;

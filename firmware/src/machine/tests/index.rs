@@ -1,6 +1,6 @@
-//! Goal: the index switch of a joint that turns without an end finds where it is, and stops nothing that turns
-//! past it. Method: a planar machine whose nozzle has one, whatever its settings say of it; homed, turned by
-//! hand and in a stream past the switch; the same switch on a joint with ends as the counter-proof.
+//! Goal: the index switch of a joint that turns without an end gives its position, and does not stop a turn
+//! past it. Method: a planar machine whose nozzle has one, with various settings; homed, turned by hand and in
+//! a stream past the switch; the same switch on a joint with ends as the counter-proof.
 use super::world::World;
 use super::*;
 use crate::configuration::homing::{HomingConfiguration, JointHoming};

@@ -1,6 +1,6 @@
-//! Goal: jogs, prime and retract by hand go exactly as far as asked; soft limits stop what they
-//! should, nothing begins while it must not, and what is told meanwhile comes as often as asked. Method:
-//! every step moves a simulated carriage; the motor counts are compared with the carriage.
+//! Goal: jogs, prime and retract by hand move exactly the requested distance; soft limits stop what they
+//! should, nothing begins while it must not, and reports come at the requested rate. Method: every step
+//! moves a simulated carriage; the motor counts are compared with the carriage.
 use super::world::{World, machine};
 use super::*;
 use crate::design::MOTORS_IDLE_S;

@@ -1,5 +1,5 @@
 //! Goal: bytes in, steps out: the steps are those of the spline that was sent, counts end exactly,
-//! starving, pausing and override never leave the path or the limits, faults stop everything.
+//! an empty queue, pauses and overrides never leave the path or the limits, faults stop everything.
 //! Method: a small host that obeys credits, a recorder of every step, the f64 spline as oracle.
 use super::*;
 use crate::configuration::motors::MotorMatrix;

@@ -1,6 +1,6 @@
 //! Goal: motors that are not joints (CoreXY, a second motor on Z) make the steps of the planar machine's joints
-//! after the transform, in streams, under shapers, at stops and on the way to switches; their own limits hold.
-//! Method: the same jobs on both machines, tick by tick; carriages whose place is that of both motors together.
+//! after the transform, in streams, with shapers, at stops and in homing; their own limits hold. Method: the
+//! same jobs on both machines, tick by tick; carriages whose position follows from both motors together.
 use super::world::World;
 use super::*;
 use crate::configuration::homing::HomingConfiguration;

@@ -1,5 +1,5 @@
-//! Goal: a probing tells where the bed is to within a step, whatever stands under it, and changes no
-//! position; what goes wrong is told, moves nothing further than it may, and is over by itself. Method:
+//! Goal: a probing reports the height of the bed to within a step, in all circumstances, and changes no
+//! position; failures are reported, move nothing further than permitted, and end by themselves. Method:
 //! every step moves a simulated carriage over a bed of its own, whose probe chatters.
 use super::world::{Pin, World, machine};
 use super::*;

@@ -1,6 +1,6 @@
-//! Goal: nothing that the host says is dropped in silence or runs where it was not meant: frames behind an
-//! end, fields out of range, bursts of refusals, and streams beyond the extruder's limits.
-//! Method: raw frames to a controller; every answer and every step counted.
+//! Goal: no message of the host is dropped silently or executed where it was not meant: frames after an
+//! end, fields out of range, bursts of refusals, and streams beyond the extruder's limits. Method: raw
+//! frames to a controller; every answer and every step counted.
 use super::*;
 use headway_protocol::frame::encode_payload;
 

@@ -1,7 +1,7 @@
-//! Goal: shaped joints ring as little as the shaper promises, follow the mean that it is, delay all
-//! motors alike, and end on the exact counts whatever happens on the way. Method: jobs through the
-//! machine; a second-order model of a frame, driven by every step tick's counts, shares nothing with the
-//! shapers; targets are compared with sums in f64.
+//! Goal: shaped joints ring as little as the shaper promises, follow its weighted mean, delay all motors
+//! equally, and end on the exact counts whatever happens in between. Method: jobs through the machine; a
+//! second-order model of a frame, driven by every step tick's counts, shares nothing with the shapers;
+//! targets are compared with sums in f64.
 use super::*;
 use crate::configuration::shaping::{Shaper, ShaperKind};
 use crate::steps::STEP;

@@ -1,5 +1,5 @@
-//! Goal: a stream that was left harms no later one, and every command ends in done or refused. Method: a
-//! host without a line, whose frames come late, whose answers are lost.
+//! Goal: an abandoned stream does not affect a later one, and every command ends in done or refused.
+//! Method: a host without a line, whose frames come late, whose answers are lost.
 use super::*;
 
 /// What is under way when a stream is left: frames sent and not taken, as many as the credit allows.

@@ -1,4 +1,4 @@
-//! Goal: homing finds the switch to within what a servo tick moves, in any order, from anywhere;
+//! Goal: homing finds the switch to within the motion of a servo tick, in any order, from anywhere;
 //! limit switches and the emergency input stop what they should. Method: every step moves a simulated
 //! carriage whose switch bounces; the motor counts are compared with the carriage.
 use super::world::{World, machine};

@@ -1,6 +1,6 @@
-//! Goal: a stream of coarse units is the very motion of the same places in base units, to the step, and what is no
-//! stream keeps base units. Method: jobs on a coarse lattice, sent in their own units and in base units; commands
-//! between streams; units that cannot be.
+//! Goal: a stream in coarse units moves exactly like the same positions in base units, to the step, and commands
+//! outside a stream keep base units. Method: jobs on a coarse lattice, sent in their own units and in base units;
+//! commands between streams; invalid units.
 use super::*;
 use headway_protocol::units::UNIT_EXPONENT_MAX;
 

@@ -1,7 +1,7 @@
-//! Goal: pause, resume, override and starvation at random times never leave the path or the
-//! joints' full limits, lose no step and no volume; flow override scales the volume alone. Method:
-//! seeded schedules; the servo's targets are differenced twice at the servo rate and compared with the
-//! limits, the plan being set to use 0.95 of them.
+//! Goal: pause, resume, override and starvation at random times never leave the path or the joints'
+//! full limits, lose no step and no volume; flow override scales only the volume. Method: seeded
+//! schedules; the servo's targets are differenced twice at the servo rate and compared with the
+//! limits, of which the plan uses 0.95.
 use super::*;
 use crate::path::interpolator::TICK_Q16;
 use crate::steps::STEP;

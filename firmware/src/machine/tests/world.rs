@@ -1,5 +1,5 @@
-//! What the tests of moves by hand and of switches share: a machine whose steps move carriages with
-//! switches that bounce.
+//! Common code of the tests of manual moves and of switches: a machine whose steps move carriages
+//! with switches that bounce.
 use super::*;
 use crate::configuration::homing::{HomingConfiguration, JointHoming};
 use crate::motion::inputs::Inputs;

@@ -1,10 +1,10 @@
 //! Plays queued spans: segment time -> motors, as f32 offsets in steps from exact integer bases.
 //!
-//! Segment time is counted in 2^-16 servo ticks, so a path rate of 1 stays on whole ticks and
-//! meets every knot exactly. At the end of a span that rests, the offset is exactly 0 and the base
-//! is the control point itself. The polynomials of the spans to come are laid beforehand, in the main
-//! loop of a board ([`Interpolator::prepare_next`]); a servo tick does it itself only where that is
-//! late. When it is done changes nothing in the result.
+//! Segment time is counted in 2^-16 servo ticks, so a path rate of 1 stays on whole ticks and meets
+//! every knot exactly. At the end of a span that rests, the offset is exactly 0 and the base is the
+//! control point itself. The polynomials of coming spans are computed in advance, in the main loop of
+//! a board ([`Interpolator::prepare_next`]); a servo tick computes them only if that is late. The
+//! time of this computation does not affect the result.
 
 mod ready_span;
 

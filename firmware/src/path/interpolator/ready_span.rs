@@ -1,4 +1,5 @@
-//! A span as a servo tick plays it: cubics for motors, tilt and place, from exact integer bases.
+//! A span prepared for the servo tick: cubics for motors, tilt and position, from exact integer
+//! bases.
 //!
 //! In: a queued knot, the spline's shape (channel units), the joint channels. Out: at any tick of the span, motors
 //! in steps from their bases, the tilt in µrad, tip in mm and heading in rad from theirs.
