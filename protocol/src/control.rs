@@ -6,24 +6,24 @@ use serde::{Deserialize, Serialize};
 
 /// Most motors that a report lists (joints, then the extruder).
 pub const REPORT_MOTORS_MAX: usize = 8;
-/// Feed override, per cent of the planned rate: the time warp goes up to 2.
+/// Feed override, per cent of the planned rate: the time warp permits up to 2.
 pub const OVERRIDE_PERCENT_MAX: u16 = 200;
 /// Flow override, per cent of the planned volume, as M108 meant it.
 pub const FLOW_PERCENT_RANGE: core::ops::RangeInclusive<u16> = 10..=200;
-/// Period of status reports that can be asked for, ms.
+/// Range of the period of status reports, ms.
 pub const REPORT_PERIOD_RANGE_MS: core::ops::RangeInclusive<u16> = 20..=60_000;
 /// Largest volume of one prime or retract, in the stream's unit: 1000 mm³ in base units.
 pub const EVENT_VOLUME_UNITS_MAX: u32 = 1_000_000_000;
 /// Heaters that a command can name.
 pub const HEATERS_MAX: usize = 3;
-/// Highest target that can be asked for, tenths of a degree; the board's own limits are below it.
+/// Highest target that can be requested, tenths of a degree; the board's own limits are below it.
 pub const DECIDEGREES_MAX: u16 = 5000;
 /// Longest prime or retract: a minute at a 2 kHz servo.
 pub const EVENT_DURATION_TICKS_MAX: u32 = 120_000;
 
 /// Longest record of settings.
 pub const SETTINGS_BYTES_MAX: usize = 2048;
-/// Bytes of it in a message.
+/// Bytes of a settings record in one message.
 pub const SETTINGS_PART_BYTES: usize = 32;
 
 /// Commands that overtake the stream.
@@ -38,7 +38,7 @@ pub enum Control {
     Override(u16),
     /// Come to rest on the path, then forget the stream.
     Abort,
-    /// Stop at once and latch a fault.
+    /// Stop immediately and latch a fault.
     EmergencyStop,
     /// Clear a latched fault.
     ClearFault,
@@ -77,8 +77,8 @@ pub enum Control {
         /// Duration.
         duration_ticks: Ticks,
     },
-    /// Move the referenced joints to a pose (at rest only), channel units: one joint after the
-    /// other, Z first where it goes up and last where it goes down.
+    /// Move the referenced joints to a pose (at rest only), channel units: one joint after another,
+    /// Z first if it rises and last if it lowers.
     GoTo(ChannelPoint),
     /// Let the motors go (at rest only): where they are is not known afterwards.
     MotorsOff,
@@ -98,7 +98,7 @@ pub enum Control {
         /// Bytes of the whole record, 1..=[`SETTINGS_BYTES_MAX`].
         length: u16,
     },
-    /// The next [`SETTINGS_PART_BYTES`] of them; zeros behind the record's end.
+    /// The next [`SETTINGS_PART_BYTES`] of them; zeros after the record's end.
     SettingsPart {
         /// Where they belong: the parts come in order.
         offset: u16,
@@ -107,8 +107,9 @@ pub enum Control {
     },
     /// They are complete: check and store them. They are in force from the board's next start.
     SettingsEnd,
-    /// Find where a referenced joint trips the probe (at rest only): fast towards it, back, slowly
-    /// again, and back. [`Status::probe`](crate::message::Status) tells; the position is not changed.
+    /// Find where a referenced joint triggers the probe (at rest only): fast towards it, back, slowly
+    /// again, and back. [`Status::probe`](crate::message::Status) reports it; the position is not
+    /// changed.
     Probe {
         /// Joint from 0 in the kinematics' order.
         joint: u8,
@@ -128,7 +129,7 @@ pub enum Control {
     ExtrudeCold(bool),
 }
 
-/// What the pin of a probe is told by the length of its pulses (BLTouch).
+/// Command to the pin of a probe, given by the length of its pulses (BLTouch).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PinPosition {
@@ -157,7 +158,7 @@ impl JointOrder {
     pub const ALL: Self = Self(0);
 
     /// These joints (from 0, each below [`REPORT_MOTORS_MAX`]), at most [`Self::JOINTS_MAX`] of
-    /// them and none twice; `None` otherwise.
+    /// them and without repetition; `None` otherwise.
     pub fn of(joints: &[u8]) -> Option<Self> {
         let mut packed = 0;
         for (place, &joint) in joints.iter().enumerate() {
@@ -193,7 +194,7 @@ impl JointOrder {
 }
 
 impl Control {
-    /// True for what a machine does only at rest with no stream open.
+    /// True for commands that a machine accepts only at rest with no stream open.
     pub fn is_at_rest_only(&self) -> bool {
         matches!(
             self,

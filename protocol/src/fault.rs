@@ -20,7 +20,7 @@ pub enum FaultCause {
     Kinematics,
     /// The control loop was not served in time.
     Watchdog,
-    /// Motor `index` would need more than one step a tick: `value` is its speed in thousandths of
+    /// Motor `index` would need more than one step per tick: `value` is its speed in thousandths of
     /// a step per step tick.
     StepRate,
     /// Step ticks were missed.
@@ -33,7 +33,7 @@ pub enum FaultCause {
     Configuration,
     /// The firmware is for another board; it cannot be cleared. `index` 0: `value` is the chip's
     /// device id; 1: the crystal has `value` Hz, or does not start (0); 2: the core's clock does not
-    /// lock; 3: the settings do not say which of the boards with this chip it is.
+    /// lock; 3: the settings do not name which of the boards with this chip it is.
     Board,
     /// Motor `index` would exceed its speed or acceleration limit: `value` is the share in thousandths.
     Limit,
@@ -43,7 +43,7 @@ pub enum FaultCause {
     SensorShorted,
     /// The sensor of heater `index` gives no numbers.
     SensorSilent,
-    /// The sensor of heater `index` gives always the same number.
+    /// The sensor of heater `index` always gives the same number.
     SensorFrozen,
     /// Heater `index` is above its limit.
     OverTemperature,
@@ -55,16 +55,17 @@ pub enum FaultCause {
     TemperatureDrift,
     /// Heater `index` gets warmer while it is off.
     HeaterStuck,
-    /// Heater `index` takes another power than its temperature does.
+    /// The power of heater `index` does not match its temperature.
     PowerMismatch,
     /// No host was heard for `value` s while something was heated.
     HostSilent,
     /// The fan of a hot end does not turn.
     FanStalled,
     /// The driver of motor `index` does not answer or cannot be set up; `value`: 0 silent, 1 noise, 0x100 +
-    /// register: a write not taken, 0x200 + register: reads back otherwise, 0x300 + version: another chip.
+    /// register: a write not accepted, 0x200 + register: reads back a different value, 0x300 + version:
+    /// another chip.
     DriverSilent,
-    /// The driver of motor `index` has started anew: its settings were gone.
+    /// The driver of motor `index` has restarted: its settings were lost.
     DriverReset,
     /// The driver of motor `index` has switched off for heat; `value` here and below: its DRV_STATUS.
     DriverHot,
@@ -80,9 +81,9 @@ pub enum FaultCause {
 pub struct Fault {
     /// What tripped.
     pub cause: FaultCause,
-    /// Joint or motor, 0 where it has no meaning.
+    /// Joint or motor, 0 if it has no meaning.
     pub index: u8,
-    /// The value, as the cause says.
+    /// The value, as defined by the cause.
     pub value: i32,
 }
 
@@ -165,7 +166,7 @@ impl core::fmt::Display for Fault {
 pub struct ColdHeater {
     /// Heater from 0.
     pub heater: u8,
-    /// Its temperature, tenths of a degree Celsius; the lowest number where it is not known.
+    /// Its temperature, tenths of a degree Celsius; the lowest number if it is not known.
     pub decidegrees: i16,
     /// The lowest at which melt may move.
     pub least_decidegrees: u16,

@@ -14,7 +14,7 @@ pub const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Table in flash, not rebuilt for each use.
 static CRC_TABLE: Crc<u32> = CRC;
 
-/// CRC-32 of these bytes, one behind the other.
+/// CRC-32 of the concatenation of these bytes.
 pub fn checksum(parts: &[&[u8]]) -> u32 {
     let mut digest = CRC_TABLE.digest();
     for part in parts {
@@ -50,7 +50,7 @@ pub enum FrameError {
     BufferTooSmall,
 }
 
-/// A frame that arrived whole.
+/// A completely received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame<'a> {
     /// Sequence number, low 16 bits.
@@ -118,8 +118,8 @@ impl FrameDecoder {
         }
     }
 
-    /// Takes one byte of the line. `Some` at the zero byte that ends a frame: the frame, or why
-    /// these bytes are none. Zero bytes in a row are idle line and yield nothing.
+    /// Adds one byte of the line. `Some` at the zero byte that ends a frame: the frame, or why
+    /// these bytes are not one. Repeated zero bytes are an idle line and yield nothing.
     pub fn push(&mut self, byte: u8) -> Option<Result<Frame<'_>, FrameError>> {
         if byte != 0 {
             match self.buffer.get_mut(self.length) {

@@ -128,7 +128,7 @@ struct ChannelCode {
     rice: u32,
 }
 
-/// Decodes a whole block; on an error the predictor is as before and no knot is given.
+/// Decodes a complete block; after an error the predictor is unchanged and no knot is returned.
 pub fn decode_block(
     predictor: &mut KnotPredictor,
     bytes: &[u8],

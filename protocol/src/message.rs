@@ -23,7 +23,8 @@ use serde::{Deserialize, Serialize};
 /// Version of the whole protocol; another one is refused with both values shown.
 pub const PROTOCOL_VERSION: u16 = 10;
 /// The layout of every message, field by field: its hash guards against a build that changed a
-/// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
+/// message and forgot the version. Change it together with the types; the golden test of `WIRE.md`
+/// reports a mismatch.
 pub const SCHEMA: &str = "\
 frame: u16le sequence, postcard, u32le crc32 iso-hdlc; cobs; 00\n\
 host: 0 hello{protocol u16,schema u32,host_session u32}\n\
@@ -52,7 +53,7 @@ block: v1\n";
 /// CRC-32 of [`SCHEMA`].
 pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
 
-/// What the host says.
+/// Messages of the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum HostMessage<'a> {
     /// Opens the conversation.
@@ -61,7 +62,7 @@ pub enum HostMessage<'a> {
     Start(Start),
     /// A block of knots, packed as `knot_block` describes.
     Knots(&'a [u8]),
-    /// A prime or retract; comes before the block with the knot of its span.
+    /// A prime or retract; sent before the block with the knot of its span.
     Flow(FlowEvent),
     /// The stream is complete: everything queued may run to rest.
     Finish(Finish),
@@ -76,8 +77,8 @@ pub struct Hello {
     pub protocol_version: u16,
     /// [`SCHEMA_HASH`] of the host.
     pub schema_hash: u32,
-    /// Chosen anew by each host process; a new one restarts the numbering of control messages at
-    /// this frame's sequence.
+    /// Chosen by each host process; a new one restarts the numbering of control messages at this
+    /// frame's sequence.
     pub host_session: u32,
 }
 
@@ -88,14 +89,14 @@ pub struct Start {
     pub job: u32,
     /// Hash of the machine configuration that the job was planned for.
     pub machine_hash: u32,
-    /// Sequence number of the stream's first frame. It goes on from the last stream's end, so
+    /// Sequence number of the stream's first frame. It continues from the last stream's end, so
     /// that late frames of another stream are always old.
     pub first_sequence: u32,
-    /// Pose at rest from which the first knots lead away, in the stream's units.
+    /// Pose at rest from which the first knots start, in the stream's units.
     pub position: ChannelPoint,
-    /// Which of the machine's joint solutions the whole stream is run in; 0 where there is one.
+    /// Joint solution of the machine for the complete stream; 0 if there is only one.
     pub solution: u8,
-    /// Units of the whole stream: of this position, of its knots and of its flow events.
+    /// Units of the complete stream: of this position, of its knots and of its flow events.
     pub units: Units,
 }
 
@@ -108,7 +109,7 @@ pub struct Finish {
     pub events: u32,
 }
 
-/// What the controller says. Its frames are numbered by a counter of their own.
+/// Messages of the controller. Its frames are numbered by a counter of their own.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DeviceMessage {
     /// Answer to `Hello`.
@@ -125,7 +126,7 @@ pub enum DeviceMessage {
     Fault(Fault),
 }
 
-/// Who the controller is and what it is doing.
+/// Identity and state of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Welcome {
     /// [`PROTOCOL_VERSION`] of the controller.
@@ -136,9 +137,9 @@ pub struct Welcome {
     pub firmware_version: [u8; 3],
     /// Hash of its machine configuration.
     pub machine_hash: u32,
-    /// Knots that its queue holds.
+    /// Capacity of its queue in knots.
     pub queue_knots: u16,
-    /// Flow events that its queue holds.
+    /// Capacity of its queue in flow events.
     pub queue_events: u16,
     /// Servo ticks per second; durations count them.
     pub servo_hz: u32,
@@ -149,13 +150,13 @@ pub struct Welcome {
     /// `Hello::host_session` that this answers.
     pub host_session: u32,
     /// The stream that is open, or the last one if it has ended, until the next `Start`; one of [`NO_JOB`]
-    /// after an abort or a cleared fault, which says where the next one's numbers begin.
+    /// after an abort or a cleared fault, which gives the start of the next one's numbering.
     pub stream: Option<OpenStream>,
     /// CRC-32 of the settings in force, drivers and pins among them; 0 where they are built in.
     pub settings_hash: u32,
 }
 
-/// Job of a stream that is none: it was left, and its numbers go on in the next one.
+/// Job of an abandoned stream, whose numbering continues in the next one.
 pub const NO_JOB: u32 = 0;
 
 /// A stream in progress, as the controller knows it.
@@ -165,9 +166,9 @@ pub struct OpenStream {
     pub job: u32,
     /// `Start::first_sequence`.
     pub first_sequence: u32,
-    /// Sequence number of the frame that comes next.
+    /// Sequence number of the next frame.
     pub next_sequence: u32,
-    /// Knots taken since `Start`.
+    /// Knots accepted since `Start`.
     pub knots_taken: u32,
     /// Spans completed since `Start`.
     pub spans_done: u32,
@@ -183,7 +184,7 @@ pub struct Refusal {
     pub reason: RefusalReason,
 }
 
-/// Reasons to refuse, with the controller's own value where it is a mismatch.
+/// Reasons to refuse, with the controller's own value if it is a mismatch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RefusalReason {
@@ -193,7 +194,7 @@ pub enum RefusalReason {
     Schema(u32),
     /// The controller has a machine configuration with this hash.
     Machine(u32),
-    /// Stream messages came but no stream is open.
+    /// Stream messages arrived but no stream is open.
     NoStream,
     /// Not while the machine is moving or a stream is open.
     Busy,
@@ -201,28 +202,28 @@ pub enum RefusalReason {
     Faulted,
     /// A field is out of its range, or the command is not supported by this machine.
     Invalid,
-    /// A command came before any `Hello` since the controller's start.
+    /// A command arrived before any `Hello` since the controller's start.
     NoHello,
-    /// The settings cannot be taken.
+    /// The settings are refused.
     Settings(SettingsRefusal),
     /// Melt would move while this hot end is too cold for it.
     Cold(ColdHeater),
 }
 
 /// What was taken, and how much more may come. Limits are totals since `Start`, so that lost or
-/// late acknowledgements never mislead: the largest value seen is the truth.
+/// late acknowledgements do no harm: the largest value seen is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Ack {
     /// `Welcome::session`; another one means that the controller has restarted.
     pub session: u32,
-    /// Sequence number of the stream frame that comes next: all before it were taken.
+    /// Sequence number of the next stream frame: all before it were accepted.
     pub next_sequence: u32,
-    /// Knots that may be sent in all since `Start` (taken so far + room in the queue).
+    /// Total number of knots that may be sent since `Start` (accepted so far + room in the queue).
     pub knot_limit: u32,
     /// Flow events that may be sent in all since `Start`.
     pub event_limit: u32,
-    /// Sequence of the newest control message taken; the one before it if that was refused.
+    /// Sequence of the newest accepted control message; the one before it if that was refused.
     pub control_taken: u16,
 }
 
@@ -236,7 +237,7 @@ pub enum DeviceState {
     Filling,
     /// Moving along the stream.
     Running,
-    /// Coming to rest, or resting, because the host asked.
+    /// Coming to rest, or at rest, on request of the host.
     Paused,
     /// Coming to rest, or resting, because the queue ran low.
     Starved,
@@ -260,16 +261,16 @@ pub enum DeviceState {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ProbeResult {
-    /// Nothing yet: none was asked for, it is under way, or it was broken off.
+    /// No result: none was requested, it is in progress, or it was aborted.
     #[default]
     None,
-    /// Where the joint was when the probe tripped, 0.1 µm or µrad: counted in whole servo ticks.
+    /// Position of the joint when the probe triggered, 0.1 µm or µrad: to a whole servo tick.
     Touched(i32),
-    /// The probe did not trip on the whole way.
+    /// The probe did not trigger over the complete distance.
     NotFound,
     /// It was pressed before anything moved: nothing did.
     Pressed,
-    /// It stays pressed on the way back.
+    /// It stays pressed during the retreat.
     StaysPressed,
 }
 
@@ -304,7 +305,7 @@ pub struct Status {
     pub fan_permille: u16,
     /// The latched fault.
     pub fault: Option<Fault>,
-    /// Drivers in the motors' order; empty where the board does not speak with them.
+    /// Drivers in the motors' order; empty if the board does not communicate with them.
     pub drivers: Vec<DriverStatus, REPORT_MOTORS_MAX>,
     /// What the newest probing found.
     pub probe: ProbeResult,
@@ -319,7 +320,7 @@ pub const PROBE_BIT: u8 = 7;
 pub struct HeaterStatus {
     /// Temperature, tenths of a degree Celsius; the lowest number where it is not known.
     pub decidegrees: i16,
-    /// Target in force, tenths of a degree; 0 is off.
+    /// Current target, tenths of a degree; 0 is off.
     pub target_decidegrees: u16,
     /// Duty in thousandths.
     pub duty_permille: u16,
@@ -351,13 +352,13 @@ impl core::fmt::Display for RefusalReason {
 pub enum MessageError {
     /// Postcard cannot read it.
     Malformed,
-    /// Bytes are left over behind the message.
+    /// There are bytes after the message.
     TrailingBytes,
     /// A field is out of its range.
     FieldRange,
 }
 
-/// What kind of message a payload would be, told by its first byte.
+/// The class of a payload's message, by its first byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageClass {
     /// A greeting.

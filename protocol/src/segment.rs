@@ -28,7 +28,7 @@ pub struct Knot {
     pub duration_ticks: u16,
 }
 
-/// What the extruder does beside the motion.
+/// Action of the extruder parallel to the motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FlowAction {
@@ -38,8 +38,8 @@ pub enum FlowAction {
     Retract,
 }
 
-/// A prime or retract: runs for `duration_ticks` of real time from its start, beside the motion,
-/// along a quintic smooth step (peak rate 1.875 volume / duration).
+/// A prime or retract: runs for `duration_ticks` of real time from its start, parallel to the
+/// motion, along a quintic smooth step (peak rate 1.875 volume / duration).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FlowEvent {
@@ -51,6 +51,6 @@ pub struct FlowEvent {
     pub action: FlowAction,
     /// Volume moved, in the stream's unit of volume.
     pub volume_units: u32,
-    /// How long it takes.
+    /// Its duration.
     pub duration_ticks: Ticks,
 }

@@ -8,13 +8,13 @@ use serde::{Deserialize, Serialize};
 pub enum SettingsProblem {
     /// The board has nowhere to keep settings.
     NoStore,
-    /// A part is missing or came out of order.
+    /// A part is missing or out of order.
     Incomplete,
     /// The record's own CRC does not match.
     Damaged,
     /// The record has another version: `index` is the board's.
     Version,
-    /// Section `index` cannot be read, comes twice, or is not known.
+    /// Section `index` cannot be read, is repeated, or is not known.
     Section,
     /// The number of joints (`index` are needed), or the tick rates if it is 0.
     Joints,
@@ -26,7 +26,7 @@ pub enum SettingsProblem {
     Switch,
     /// A number of heater `index`.
     Heater,
-    /// The store failed: what it kept before is in force.
+    /// The store failed: the previous settings stay active.
     NotStored,
     /// The input shaper of joint `index`.
     Shaper,
@@ -39,7 +39,7 @@ pub enum SettingsProblem {
     Wiring,
 }
 
-/// A number that is refused, as near as f32 has it; NaN for one that is none.
+/// A refused number, rounded to f32; NaN for one that is not a number.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RefusedNumber(pub f32);
@@ -60,7 +60,7 @@ pub struct SettingsRefusal {
     pub problem: SettingsProblem,
     /// Which section, joint or heater.
     pub index: u8,
-    /// Which of its numbers, from 1 in the order of [`items`]; 0 where it is none of them.
+    /// Index of the number, from 1 in the order of [`items`]; 0 if it is none of them.
     pub item: u8,
     /// The number that is refused; 0 where `item` is 0.
     pub value: RefusedNumber,

@@ -28,8 +28,8 @@ pub const UNITS_PER_NATURAL: [f64; CHANNELS] = [1e4, 1e4, 1e4, 1e6, 1e6, 1e6, 1e
 /// Largest exponent of [`Units`].
 pub const UNIT_EXPONENT_MAX: u8 = 24;
 
-/// Units of a stream: by which powers of two they are coarser than the base units. So a stream that lays much is no finer
-/// than its nozzle, and its volume does not wrap within a span.
+/// Units of a stream: the powers of two by which they are coarser than the base units. So the resolution of a stream
+/// with a large nozzle suits that nozzle, and its volume does not wrap within a span.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Units {

@@ -50,7 +50,7 @@ fn to_plane(heading_rad: f64, v: Vector2) -> Vector2 {
     Vector2::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos)
 }
 
-/// A heading with its sine and cosine: whoever asks for one heading often takes them once.
+/// A heading with its sine and cosine, for repeated queries at one heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turn {
     /// The heading.
@@ -101,8 +101,8 @@ impl Aperture {
         }
     }
 
-    /// The unit of lengths that are a matter of resolution or of taste: five times b, 1 mm for the built-in nozzle.
-    /// A part, its nozzle, its layers and its speeds made larger by a factor are planned alike.
+    /// The unit of lengths that depend on resolution or preference: five times b, 1 mm for the built-in nozzle. A
+    /// part scaled together with its nozzle, layers and speeds gets the same plan.
     pub fn unit_mm(&self) -> f64 {
         5.0 * self.minor_mm()
     }
@@ -200,10 +200,10 @@ impl Aperture {
         }
     }
 
-    /// Where the centre stands when the aperture leans on a straight wall through `p` with inward
-    /// unit normal `normal`: touching it at `p` or, for an aperture with flat sides, beside `p`, so
-    /// that the centre moves steadily with the heading (the touching point is averaged over
-    /// `FLAT_RAD` to both sides; h'(u) is its way along the wall).
+    /// The centre of the aperture when it touches a straight wall through `p` with inward unit
+    /// normal `normal`: at `p` or, for an aperture with flat sides, next to `p`, so that the centre
+    /// moves continuously with the heading (the contact point is averaged over `FLAT_RAD` to both
+    /// sides; h'(u) is its displacement along the wall).
     #[inline]
     pub fn center_on_wall(&self, heading: impl Into<Turn>, p: Point2, normal: Vector2) -> Point2 {
         let turn = heading.into();
@@ -220,8 +220,8 @@ impl Aperture {
         }
     }
 
-    /// Where the centre stands when the bead laid across `direction` is to lie evenly about `p`:
-    /// on `p` where the shape has 180° symmetry.
+    /// The centre of the aperture when the bead across `direction` is to be centred on `p`: `p`
+    /// itself where the shape has 180° symmetry.
     pub fn center_on_axis(&self, heading_rad: f64, p: Point2, direction: Vector2) -> Point2 {
         match self {
             Aperture::Rounded(shape) if !shape.is_symmetric() => {
@@ -242,8 +242,8 @@ impl Aperture {
         self.extent_mm(0.0, direction)
     }
 
-    /// The angle in [0, 90°] whose extent is `extent_mm` (clamped to what the aperture can do); of
-    /// several the greatest. cos² alpha = (e² - b²) / (a² - b²) for the ellipse.
+    /// The angle in [0, 90°] whose extent is `extent_mm` (clamped to the range of the aperture);
+    /// the greatest of several. cos² alpha = (e² - b²) / (a² - b²) for the ellipse.
     pub fn angle_of_extent_rad(&self, extent_mm: f64) -> f64 {
         let Aperture::Ellipse { major_mm, minor_mm } = self else {
             return self.angle_found_rad(extent_mm);
@@ -295,8 +295,8 @@ impl Aperture {
         }
     }
 
-    /// Where the line `from` + t `direction` (relative to the centre, unit direction) lies in the
-    /// aperture: the least and largest t, mm; `None` where it misses.
+    /// The interval of the line `from` + t `direction` (relative to the centre, unit direction)
+    /// inside the aperture: the least and largest t, mm; `None` if it misses.
     #[inline]
     pub fn chord_mm(
         &self,
@@ -341,7 +341,7 @@ impl Aperture {
         }
     }
 
-    /// True where the point (relative to the centre) lies in the aperture at this heading.
+    /// True if the point (relative to the centre) is in the aperture at this heading.
     pub fn contains(&self, heading_rad: f64, offset: Vector2) -> bool {
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => {
@@ -384,8 +384,8 @@ impl Aperture {
         }
     }
 
-    /// A bound on how far the point `q` of the tool's frame lies outside the aperture, mm: at most
-    /// the distance, positive exactly where it is outside.
+    /// A lower bound of the distance of the point `q` of the tool's frame from the aperture, mm:
+    /// positive exactly if it is outside.
     pub fn beyond_mm(&self, q: Vector2) -> f64 {
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => {
@@ -395,7 +395,7 @@ impl Aperture {
         }
     }
 
-    /// The outline as a closed polygon in the plane about the centre: every corner, arcs in pieces.
+    /// The outline as a closed polygon in the plane about the centre: every corner, arcs as chords.
     pub fn outline(&self, heading_rad: f64, pieces: usize) -> Vec<Vector2> {
         let turned = |v: Vector2| to_plane(heading_rad, v);
         match self {

@@ -8,7 +8,7 @@
 /// The band: `rows[i][k]` couples unknowns i and i + k.
 #[derive(Clone, Debug, Default)]
 pub struct Band {
-    /// One row an unknown; what would lie beyond the last is not read.
+    /// One row for each unknown; entries beyond the last are not read.
     pub rows: Vec<[f64; 4]>,
 }
 

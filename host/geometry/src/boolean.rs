@@ -22,7 +22,7 @@ pub fn filled<'a>(rings: impl Iterator<Item = &'a Ring>, rule: FillRule) -> Vec<
     overlaid(&paths(rings), &Vec::new(), OverlayRule::Subject, rule)
 }
 
-/// What lies in `from` and in none of `cut`.
+/// The area of `from` outside all of `cut`.
 pub fn difference(from: &[Region], cut: &[Region]) -> Vec<Region> {
     overlaid(
         &paths(from.iter().flat_map(Region::rings)),
@@ -32,7 +32,7 @@ pub fn difference(from: &[Region], cut: &[Region]) -> Vec<Region> {
     )
 }
 
-/// What lies in both.
+/// The area in both.
 pub fn intersection(one: &[Region], other: &[Region]) -> Vec<Region> {
     overlaid(
         &paths(one.iter().flat_map(Region::rings)),
@@ -42,8 +42,8 @@ pub fn intersection(one: &[Region], other: &[Region]) -> Vec<Region> {
     )
 }
 
-/// What lies within `by_mm` of the regions; arcs are chords that pass inside them by at most 1.3e-4
-/// of `by_mm`.
+/// The area within `by_mm` of the regions; arcs become chords that are inside them by at most
+/// 1.3e-4 of `by_mm`.
 pub fn grown(regions: &[Region], by_mm: f64) -> Vec<Region> {
     if by_mm <= 0.0 {
         return regions.to_vec();

@@ -21,8 +21,8 @@ pub struct CellGrid {
     pub rows: usize,
 }
 
-/// How far a grid begins before what it covers, cells: fractions that no round measure has, so that
-/// the middles of cells do not lie on walls or edges of beads, where rounding would choose.
+/// Offset of a grid's start before its contents, cells: fractions that no round dimension has, so
+/// that the middles of cells are not on walls or edges of beads, where rounding would decide.
 pub const ASIDE: Vector2 = Vector2::new(0.37, 0.61);
 
 impl CellGrid {
@@ -107,8 +107,8 @@ impl CellGrid {
             .map(|(band, share)| (self.band(band), share))
     }
 
-    /// For each band of rows the numbers of the poses that may cover cells of it: bands can be swept
-    /// side by side.
+    /// For each band of rows the numbers of the poses that may cover its cells: bands can be swept
+    /// in parallel.
     pub fn poses_of_bands(
         &self,
         aperture: &Aperture,
@@ -129,7 +129,7 @@ impl CellGrid {
         of_band
     }
 
-    /// Visits the rows of cells whose centres lie in the placed aperture: row, first and last column.
+    /// Visits the rows of cells whose centres are in the placed aperture: row, first and last column.
     pub fn for_rows(
         &self,
         aperture: &Aperture,
@@ -195,15 +195,16 @@ pub fn for_beyond([from, to]: [usize; 2], known: [usize; 2], mut visit: impl FnM
     }
 }
 
-/// What swept each row of a window last, and which columns: of the cells that a pose shares with the
-/// one before it in a row only the first and the last visit count, so that a step costs what it adds.
+/// The last sweep of each row of a window, and its columns: of the cells that a pose shares with the
+/// previous one in a row only the first and the last visit count, so that the cost of a step is that
+/// of the new cells.
 pub struct SweptRows<T> {
     first_row: usize,
     last: Vec<(T, [usize; 2])>,
 }
 
 impl<T: Copy> SweptRows<T> {
-    /// Nothing swept yet; `none` is nobody's mark.
+    /// Nothing swept yet; `none` is a mark that nothing else uses.
     pub fn of(window: &CellWindow, none: T) -> SweptRows<T> {
         SweptRows {
             first_row: window.rows[0],
@@ -288,12 +289,12 @@ impl CellWindow {
         (self.rows[1] + 1 - self.rows[0]) * self.width()
     }
 
-    /// Never true: a window holds at least one cell.
+    /// Never true: a window has at least one cell.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The least window that holds this one and another.
+    /// The smallest window that contains this one and another.
     pub fn with(&self, other: &CellWindow) -> CellWindow {
         let both = |[a, b]: [usize; 2], [c, d]: [usize; 2]| [a.min(c), b.max(d)];
         CellWindow {

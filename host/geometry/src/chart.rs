@@ -18,7 +18,7 @@ const SETTLED_MM: f64 = 1e-9;
 const STEP_MAX_MM: f64 = 5.0;
 const HALVINGS_MAX: usize = 8;
 
-/// A place on the ground with its derivatives by the chart's coordinates.
+/// A point on the surface with its derivatives by the chart's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChartJet {
     /// Where, mm.
@@ -30,14 +30,14 @@ pub struct ChartJet {
 }
 
 impl ChartJet {
-    /// How far a point is off the ground along the normal, mm: what it is off sideways moves it in the chart alone.
+    /// Distance of a point from the surface along the normal, mm: a lateral deviation only moves it in the chart.
     pub fn off_mm(&self, point: Vector3<f64>) -> f64 {
         let normal = self.along[0].cross(&self.along[1]).normalize();
         (point - self.at_mm).dot(&normal).abs()
     }
 }
 
-/// The plane of a plan laid on ground.
+/// The plane of a plan, mapped onto a surface.
 pub trait Chart: Sync {
     /// Place and derivatives of the ground.
     fn jet(&self, at: Point2) -> ChartJet;
@@ -108,21 +108,21 @@ impl Chart for SplineSurface {
     }
 }
 
-/// A flattened patch: its vertices, and smooth ground through them.
+/// A flattened patch: its vertices, and a smooth surface through them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PatchChart {
     splines: PatchSplines,
     /// Vertices on the ground, mm, and where they lie in the chart.
     vertices: Vec<(Vector3<f64>, Point2)>,
-    /// How far the ground is off the vertices at most, mm, and where.
+    /// The largest distance of the surface from the vertices, mm, and its place.
     pub off_mm: f64,
     /// That vertex.
     pub off_at_mm: Vector3<f64>,
 }
 
 impl PatchChart {
-    /// Smooth ground through the vertices of a flattened patch and more points of its triangles, on the coarsest grid
-    /// that is `near_mm` from all of them or of `pitch_min_mm`. `None` without vertices.
+    /// A smooth surface through the vertices of a flattened patch and more points of its triangles, on the coarsest
+    /// grid that is within `near_mm` of all of them, or of pitch `pitch_min_mm`. `None` without vertices.
     pub fn through(
         vertices: &[(Vector3<f64>, Point2)],
         inner: &[(Vector3<f64>, Point2)],
@@ -151,7 +151,7 @@ impl PatchChart {
         Some(chart)
     }
 
-    /// The same ground, the chart so many times as large.
+    /// The same surface, with the chart scaled by `factor`.
     pub fn scaled(mut self, factor: f64) -> PatchChart {
         self.splines = self.splines.scaled(factor);
         for (_, place) in &mut self.vertices {
@@ -176,7 +176,7 @@ impl PatchChart {
         nearest.map_or(Point2::origin(), |(_, place)| *place)
     }
 
-    /// The place over which a point lies.
+    /// The point of the chart below a given point.
     pub fn place(&self, point: Vector3<f64>) -> Point2 {
         self.place_of(point, self.near(point), 0.0)
     }
@@ -188,19 +188,19 @@ impl Chart for PatchChart {
     }
 }
 
-/// Where a place of a chart lies in space.
+/// A point of a chart in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceFrame {
     /// The tip, mm.
     pub tip_mm: Vector3<f64>,
-    /// Unit normal, out of the ground.
+    /// Unit normal, out of the surface.
     pub normal: Vector3<f64>,
-    /// Where a step of 1 mm along the chart's axes leads.
+    /// The images of a step of 1 mm along each of the chart's axes.
     pub along: [Vector3<f64>; 2],
 }
 
 impl SurfaceFrame {
-    /// So far above the ground along its normal.
+    /// The point at a height above the surface along its normal.
     pub fn of(jet: &ChartJet, above_mm: f64) -> SurfaceFrame {
         let [u, v] = jet.along;
         let [uu, uv, vv] = jet.bend;
@@ -224,12 +224,12 @@ impl SurfaceFrame {
         self.along[0].cross(&self.along[1]).dot(&self.normal)
     }
 
-    /// Where a step in the chart leads.
+    /// The image of a step in the chart.
     pub fn mapped(&self, step: Vector2) -> Vector3<f64> {
         step.x * self.along[0] + step.y * self.along[1]
     }
 
-    /// How much wider than in the chart a bead has to be that is laid in this direction of the chart.
+    /// The factor by which a bead in this direction of the chart must be wider than in the chart.
     pub fn width_factor(&self, direction: Vector2) -> f64 {
         self.area_factor() * direction.norm() / self.mapped(direction).norm()
     }
@@ -245,7 +245,8 @@ impl SurfaceFrame {
     }
 }
 
-/// The sharpest bend of the ground at a place, 1/mm: the greater of its two curvatures, positive where it is hollow.
+/// The largest curvature of the surface at a point, 1/mm: the greater of its two curvatures, positive where it is
+/// concave.
 pub fn sharpest_bend_per_mm(jet: &ChartJet) -> f64 {
     let [u, v] = jet.along;
     let normal = u.cross(&v).normalize();

@@ -62,8 +62,8 @@ impl EdgesNear for EdgeIndex {
     }
 }
 
-/// All edges that may be met, for many placements about one place: in their order, some in a row
-/// with a box about them.
+/// All edges that may be met by many placements near one point: in their order, in groups with a
+/// bounding box.
 #[derive(Clone, Debug)]
 pub struct EdgesAbout {
     edges: Vec<Edge>,
@@ -74,7 +74,7 @@ pub struct EdgesAbout {
 const EDGES_PER_BOX: usize = 8;
 
 impl EdgesAbout {
-    /// These edges; neighbours should lie near each other.
+    /// Of these edges; neighbours should be near each other.
     pub fn new(edges: Vec<Edge>) -> EdgesAbout {
         let about = |edges: &[Edge]| {
             let first = Box2::of(&[edges[0].a, edges[0].b]);
@@ -102,8 +102,8 @@ impl EdgesNear for EdgesAbout {
 }
 
 /// Scaled distance of the boundary from the aperture's centre: 1 is contact, more is clear, less
-/// cuts (1 + gap / b for an aperture that is no ellipse). `limit` bounds the search: anything
-/// farther is reported as `limit`. Says nothing of which side the centre is on.
+/// cuts (1 + gap / b for an aperture that is not an ellipse). `limit` bounds the search: anything
+/// farther is returned as `limit`. The side of the centre is not checked.
 pub fn scaled_clearance(
     aperture: &Aperture,
     at: Configuration,
@@ -219,20 +219,20 @@ fn nearest_scaled(
     best
 }
 
-/// True where the placed aperture lies inside the region with the given slack (in aperture radii;
-/// negative slack allows a cut of that share).
+/// True if the placed aperture is inside the region with the given slack (in aperture radii;
+/// negative slack permits a cut of that share).
 pub fn is_inside(aperture: &Aperture, at: Configuration, index: &EdgeIndex, slack: f64) -> bool {
     scaled_clearance(aperture, at, index, 1.0 + slack.max(0.0)) >= 1.0 + slack
         && index.contains(at.center)
 }
 
-/// How far the placed aperture leaves the region, mm: the largest distance from a point of the
-/// aperture that lies outside to the boundary; 0 where it is inside.
+/// Depth of the placed aperture outside the region, mm: the largest distance from a point of the
+/// aperture outside to the boundary; 0 if it is inside.
 ///
 /// Branch and bound on the fact that depth changes by at most the distance moved: first along the
-/// outline, where the deepest point lies unless the aperture swallows something whole (a small
-/// hole), then over the inside. Accuracy: `OUTLINE_ACCURACY` on the outline, `INSIDE_ACCURACY` for
-/// what is swallowed; what is certainly below `NEGLIGIBLE` comes back as its upper bound.
+/// outline, where the deepest point is unless the aperture completely contains something (a small
+/// hole), then over the interior. Accuracy: `OUTLINE_ACCURACY` on the outline, `INSIDE_ACCURACY` in
+/// the interior; for a depth certainly below `NEGLIGIBLE` its upper bound is returned.
 pub fn outside_depth_mm(aperture: &Aperture, at: Configuration, index: &EdgeIndex) -> f64 {
     let bound_mm = outside_bound_mm(aperture, at, index);
     if bound_mm.is_infinite() {
@@ -386,13 +386,13 @@ pub struct WallContact {
     pub scaled: f64,
     /// Unit vector from the centre side towards the wall: the aperture's own normal there.
     pub outward: Vector2,
-    /// How far the aperture must go back along `outward` for the contact to be touching, mm
-    /// (exact for a straight wall, close for a vertex of an ellipse's wall).
+    /// Distance by which the aperture must move back along `outward` to just touch, mm (exact for a
+    /// straight wall, close for a vertex and an ellipse).
     pub depth_mm: f64,
 }
 
-/// The boundary point nearest to the centre in the aperture's scaled frame, where it is nearer
-/// than `limit`.
+/// The boundary point nearest to the centre in the aperture's scaled frame, if it is nearer than
+/// `limit`.
 pub fn contact(
     aperture: &Aperture,
     at: Configuration,

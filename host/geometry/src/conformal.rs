@@ -21,13 +21,13 @@ pub enum FlattenError {
     /// No triangle has an area.
     #[error("the patch has no triangle with an area")]
     Empty,
-    /// The patch falls apart.
+    /// The patch is not connected.
     #[error("the patch is not connected")]
     NotConnected {
         /// A vertex that the others do not reach.
         vertex: usize,
     },
-    /// A triangle comes out turned over.
+    /// A triangle is inverted in the plane.
     #[error("the patch folds over itself when it is flattened")]
     FoldsOver {
         /// A vertex of that triangle.

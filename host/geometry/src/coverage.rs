@@ -57,7 +57,8 @@ pub struct Coverage {
 /// more lets beads lie over each other for nothing.
 const RETURN_SHARE: f64 = 1.5;
 
-/// Path after which a pass that comes back covers a place again: what laid twice means in all figures.
+/// Path after which a returning pass covers a place again: the definition of "laid twice" in all
+/// figures.
 pub fn return_mm(aperture: &Aperture) -> f64 {
     RETURN_SHARE * aperture.major_mm()
 }
@@ -117,7 +118,7 @@ impl Coverage {
         }
     }
 
-    /// For each cell whether its middle lies inside these walls.
+    /// For each cell whether its middle is inside these walls.
     pub fn inside(&self, walls: &EdgeIndex) -> Vec<bool> {
         let grid = self.grid();
         cells_inside(&grid, &grid.window(), walls)

@@ -215,8 +215,8 @@ impl EdgeIndex {
         self.cell_mm
     }
 
-    /// Pairs that [`EdgeIndex::for_pairs`] comes to: where edges lie closer than any cell is small, they grow with
-    /// the square of their number.
+    /// Number of pairs that [`EdgeIndex::for_pairs`] visits: where edges are closer than the smallest cell, it
+    /// grows with the square of their number.
     pub fn pairs(&self) -> u64 {
         let counts = self
             .first
@@ -228,7 +228,7 @@ impl EdgeIndex {
     }
 
     /// Calls `visit(i, j)`, i < j, for every two edges that share a cell, so at least for all that
-    /// touch; a pair may come more than once.
+    /// touch; a pair may be visited more than once.
     pub fn for_pairs(&self, mut visit: impl FnMut(usize, usize)) {
         for cell in self.first.windows(2) {
             let items = &self.items[cell[0] as usize..cell[1] as usize];
@@ -242,7 +242,7 @@ impl EdgeIndex {
         }
     }
 
-    /// Calls `visit` with each edge number near the box; an edge may come more than once.
+    /// Calls `visit` with each edge number near the box; an edge may be visited more than once.
     pub fn for_edges_in(&self, area: Box2, mut visit: impl FnMut(usize)) {
         if area.max.x < self.bounds.min.x
             || area.max.y < self.bounds.min.y

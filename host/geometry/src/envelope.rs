@@ -14,7 +14,7 @@ pub struct Envelope {
 }
 
 impl Envelope {
-    /// Zeros; `first` has the first column of each row, none beyond its diagonal.
+    /// A zero matrix; `first` has the first column of each row, not beyond its diagonal.
     pub fn new(first: Vec<usize>) -> Envelope {
         let rows = first.iter().enumerate();
         Envelope {
@@ -31,8 +31,8 @@ impl Envelope {
         Envelope::new((0..count).map(|row| row.saturating_sub(width)).collect())
     }
 
-    /// Adds the square of a sum of unknowns, each times its factor, less a target: weight (sum - target)². All of them
-    /// lie within the envelope of the last.
+    /// Adds the square of a sum of unknowns, each times its factor, minus a target: weight (sum - target)². All of
+    /// them are within the envelope of the last.
     pub fn add_square(&mut self, terms: &[(usize, f64)], target: f64, weight: f64) {
         for &(row, p) in terms {
             self.right[row] += weight * p * target;

@@ -161,8 +161,8 @@ impl Frame {
         self.region_by(region, |p| self.point_in(p))
     }
 
-    /// A region in the frame, the same to the last digit however it was given outside: coordinates on
-    /// a grid, rings begun at their extreme points, holes in the order of these.
+    /// A region in the frame, the same to the last digit in whatever form it was given: coordinates
+    /// on a grid, rings beginning at their extreme points, holes in the order of these.
     pub fn snapped_in(&self, region: &Region) -> Region {
         let mut region = self.region_by(region, |p| self.point_in(p).map(snapped));
         for ring in region.rings_mut() {

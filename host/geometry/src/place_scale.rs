@@ -25,7 +25,7 @@ const STEPS_MAX: f64 = 128.0;
 const NEAR: f64 = 1e-4;
 const PITCH_STEPS: f64 = 2.0;
 
-/// Lengths on the ground for those of the chart, by place.
+/// Lengths on the surface per length in the chart, by position.
 #[derive(Clone, Debug)]
 pub struct ScaleField {
     log_scale: Arc<SplineSurface>,
@@ -37,15 +37,15 @@ pub struct ScaleField {
 /// The scale at a place of the field's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaceScale {
-    /// Length on the ground for one of the chart.
+    /// Length on the surface per length in the chart.
     pub lambda: f64,
     /// Gradient of its logarithm, 1/mm.
     pub by_mm: Vector2,
 }
 
 impl ScaleField {
-    /// Of a layer so far above the ground of a chart, at the places within these bounds that are ground. `None` where no
-    /// layer lies.
+    /// For a layer at a height above the surface of a chart, at the points of the surface within these bounds. `None`
+    /// if there is no layer.
     pub fn of(
         chart: &dyn Chart,
         bounds: Box2,
@@ -74,7 +74,8 @@ impl ScaleField {
         })
     }
 
-    /// The same in a region's frame: a point of it lies at `frame`'s point outside it, and `offset` on, in this one.
+    /// The same in a region's frame: its points are transformed by `frame` to the outside and shifted by `offset`
+    /// into this one.
     pub fn in_frame(&self, frame: Frame, offset: Vector2) -> ScaleField {
         ScaleField {
             log_scale: Arc::clone(&self.log_scale),
@@ -95,7 +96,7 @@ impl ScaleField {
 }
 
 impl ScaleField {
-    /// The middle of a tool of this half length at a pose, and its size there against its own.
+    /// The middle of a tool of this half length at a pose, and its size there relative to its own.
     pub fn tool_at(&self, at: Configuration, major_mm: f64) -> (Point2, f64) {
         let here = self.at(at.center);
         let shift_mm = here.shift_mm(major_mm, at.heading_rad);
@@ -109,7 +110,7 @@ impl PlaceScale {
         aperture.scaled(1.0 / self.lambda)
     }
 
-    /// What the middle of the aperture's long axis lies off its tip in the chart, mm.
+    /// Offset of the middle of the aperture's long axis from the tip in the chart, mm.
     pub fn shift_mm(&self, major_mm: f64, heading_rad: f64) -> Vector2 {
         let (sin, cos) = heading_rad.sin_cos();
         let along = Vector2::new(cos, sin);
@@ -117,7 +118,7 @@ impl PlaceScale {
         -0.5 * major_mm * major_mm * self.by_mm.dot(&along) * along
     }
 
-    /// How much farther the aperture reaches towards a direction than the shifted, scaled one that touches there with
+    /// Additional extent of the aperture in a direction compared with the shifted, scaled one that touches there with
     /// the point `support` from its own middle, mm.
     pub fn beyond_mm(&self, shift_mm: Vector2, support: Vector2, outward: Vector2) -> f64 {
         let bent = 0.5 * support.norm_squared() * self.by_mm - self.by_mm.dot(&support) * support;
@@ -143,8 +144,8 @@ pub fn placed(
     (here.aperture(aperture), at)
 }
 
-/// Where the aperture of a pose in the chart cuts the walls deepest, as [`contact`] has it on flat ground; what it
-/// reaches beyond its shifted, scaled shape is counted at the contact.
+/// The deepest cut of the aperture of a pose in the chart into the walls, as [`contact`] finds it in the plane;
+/// the extent beyond its shifted, scaled shape is included at the contact.
 pub fn contact_on_ground(
     scale: &ScaleField,
     aperture: &Aperture,

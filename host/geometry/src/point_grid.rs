@@ -8,7 +8,7 @@ use std::hash::{BuildHasherDefault, Hasher};
 /// What belongs to square cells, by column and row.
 pub type ByCell<T> = HashMap<(i32, i32), T, BuildHasherDefault<CellHasher>>;
 
-/// Mixes two small numbers: the standard hash takes most of the time of a look.
+/// Mixes two small numbers: the standard hash would take most of the time of a query.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CellHasher(u64);
 
@@ -30,14 +30,14 @@ impl Hasher for CellHasher {
     }
 }
 
-/// Things in square cells as long as the reach they are asked for with.
+/// Items in square cells with the reach of queries as their side.
 pub struct PointGrid<T> {
     reach_mm: f64,
     cells: ByCell<Vec<T>>,
 }
 
 impl<T> PointGrid<T> {
-    /// Puts each thing where it is.
+    /// Stores each item at its position.
     pub fn of(reach_mm: f64, things: impl Iterator<Item = (Point2, T)>) -> PointGrid<T> {
         let mut cells: ByCell<Vec<T>> = ByCell::default();
         for (place, thing) in things {
@@ -47,14 +47,14 @@ impl<T> PointGrid<T> {
         PointGrid { reach_mm, cells }
     }
 
-    /// All things within the reach of a place, and some more; always in the same order.
+    /// All items within the reach of a point, and some more; always in the same order.
     pub fn around(&self, place: Point2) -> impl Iterator<Item = &T> {
         let (column, row) = cell_of(place, self.reach_mm);
         let around = (-1..=1).flat_map(move |r| (-1..=1).map(move |c| (column + c, row + r)));
         around.filter_map(|at| self.cells.get(&at)).flatten()
     }
 
-    /// All things in a box, and some more; always in the same order.
+    /// All items in a box, and some more; always in the same order.
     pub fn within(&self, area: &Box2) -> impl Iterator<Item = &T> {
         let [low, high] = [area.min, area.max].map(|corner| cell_of(corner, self.reach_mm));
         let cells = (low.1..=high.1).flat_map(move |r| (low.0..=high.0).map(move |c| (c, r)));
@@ -62,8 +62,8 @@ impl<T> PointGrid<T> {
     }
 }
 
-/// Column and row of the cell in which a place lies. Kept off the ends of the range, so that there
-/// is a cell to each side: places that far off the grid share one, which is slow, not wrong.
+/// Column and row of the cell of a point. They are kept away from the ends of the range, so that
+/// there is a cell on each side: points that far off the grid share one, which is slow, not wrong.
 pub fn cell_of(place: Point2, cell_mm: f64) -> (i32, i32) {
     let number = |x: f64| (x / cell_mm).floor().clamp(-CELL_MAX, CELL_MAX) as i32;
     (number(place.x), number(place.y))

@@ -85,7 +85,7 @@ impl Region {
         }
     }
 
-    /// The rings to change, in the order of [`Region::rings`].
+    /// The rings, mutable, in the order of [`Region::rings`].
     pub fn rings_mut(&mut self) -> impl Iterator<Item = &mut Ring> {
         std::iter::once(&mut self.exterior).chain(&mut self.holes)
     }
@@ -124,7 +124,7 @@ impl Region {
 }
 
 impl Box2 {
-    /// The smallest box around the points; degenerate at the origin where there are none.
+    /// The smallest box around the points; degenerate at the origin if there are none.
     pub fn of(points: &[Point2]) -> Box2 {
         let Some(&first) = points.first() else {
             return Box2 {

@@ -18,7 +18,7 @@ pub enum FillRule {
     Positive,
 }
 
-/// What mending changed, for the user to read.
+/// Changes made by the repair, for the user.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RepairChanges {
     /// The first fault that was found, `None` where all was well.
@@ -33,8 +33,8 @@ pub struct RepairChanges {
     pub area_mm2: [f64; 2],
 }
 
-/// Regions that fill what the given rings fill; valid ones come back untouched. Rings without area
-/// vanish; where nothing is left the result is empty.
+/// Regions with the filled area of the given rings; valid ones are returned unchanged. Rings
+/// without area are dropped; the result may be empty.
 pub fn repair(regions: &[Region], rule: FillRule) -> (Vec<Region>, RepairChanges) {
     let fault = validate_all(regions).err();
     let mended = match &fault {

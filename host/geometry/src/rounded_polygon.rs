@@ -71,10 +71,10 @@ pub struct RoundedPolygon {
     narrowest_mm: f64,
 }
 
-/// How a wall lies to the shape.
+/// Position of a wall relative to the shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// Distance, negative where the wall cuts: the shortest way out.
+    /// Distance, negative if the wall cuts: the shortest displacement that separates them.
     pub gap_mm: f64,
     /// Unit vector from the shape towards the wall.
     pub outward: Vector2,
@@ -227,7 +227,7 @@ impl RoundedPolygon {
         self.kind
     }
 
-    /// True where half a turn brings it onto itself.
+    /// True if it is symmetric under a half turn.
     pub fn is_symmetric(&self) -> bool {
         self.symmetric
     }
@@ -308,8 +308,9 @@ impl RoundedPolygon {
             .map_or(f64::INFINITY, |g| g.gap_mm)
     }
 
-    /// True where [`Self::gap_to`] has nothing to say of any wall in a box, by one side of the shape
-    /// that all of the box lies beyond: the nearest corner of the box, rounded as the walls are.
+    /// True if [`Self::gap_to`] returns `None` for every wall in a box, because all of the box is
+    /// beyond one side of the shape: tested with the nearest corner of the box, rounded like the
+    /// walls.
     pub fn is_beyond(&self, low: Vector2, high: Vector2, limit_mm: f64) -> bool {
         let limit = limit_mm + self.radius_mm;
         self.faces[..self.face_count].iter().any(|face| {
@@ -321,12 +322,12 @@ impl RoundedPolygon {
         })
     }
 
-    /// How the wall a-b (tool frame) lies to the shape; `None` where it is certainly farther than
-    /// `limit_mm`.
+    /// The position of the wall a-b (tool frame) relative to the shape; `None` if it is certainly
+    /// farther than `limit_mm`.
     ///
-    /// Separating axes: where the core and the wall meet, the shortest way to part them is along a
-    /// side's normal or the wall's. Where they do not, the distance is that of a corner and the
-    /// wall or of an end of the wall and a side.
+    /// Separating axes: if core and wall meet, the shortest displacement that separates them is
+    /// along a side's normal or the wall's. If not, the distance is that of a corner and the wall
+    /// or of an end of the wall and a side.
     pub fn gap_to(&self, a: Vector2, b: Vector2, limit_mm: f64) -> Option<Gap> {
         let mut best = (f64::NEG_INFINITY, Vector2::x());
         let limit = limit_mm + self.radius_mm;
@@ -466,8 +467,8 @@ fn foot(a: Vector2, b: Vector2, p: Vector2) -> Vector2 {
     a + d * ((p - a).dot(&d) / length2).clamp(0.0, 1.0)
 }
 
-/// Where the row at height `y` crosses the shape made of `corners` (any frame, in order) with
-/// `radius` around it: least and greatest x; `None` where it misses.
+/// Intersection of the row at height `y` with the shape of `corners` (any frame, in order) grown by
+/// `radius`: least and greatest x; `None` if it misses.
 pub fn row_range(corners: &[Vector2], radius: f64, y: f64) -> Option<[f64; 2]> {
     let mut range = [f64::INFINITY, f64::NEG_INFINITY];
     let mut take = |x: f64| range = [range[0].min(x), range[1].max(x)];

@@ -81,9 +81,10 @@ fn weights(s: f64) -> [[f64; 4]; 3] {
 }
 
 impl SplineSurface {
-    /// The surface over `bounds` through `points` (x, y, z in mm): on ever finer grids until it is
-    /// `near_mm` from all of them or its pieces would be smaller than `pitch_min_mm`, and further as long as a finer one
-    /// is far nearer: smooth ground comes nearer by a sixteenth, facets by a quarter at most. `None` without points.
+    /// The surface over `bounds` through `points` (x, y, z in mm): on ever finer grids until it is within `near_mm`
+    /// of all of them or its cells would be smaller than `pitch_min_mm`, and further as long as a finer one is much
+    /// nearer: on a smooth surface the error falls to a sixteenth, on facets to a quarter at best. `None` without
+    /// points.
     pub fn through(
         points: &[[f64; 3]],
         bounds: Box2,
@@ -201,7 +202,7 @@ impl SplineSurface {
     }
 }
 
-/// Smooth ground over a chart: x, y and z as [`SplineSurface`]s on one grid.
+/// A smooth surface over a chart: x, y and z as [`SplineSurface`]s on one grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PatchSplines {
     grid: SplineSurface,
@@ -210,15 +211,15 @@ pub struct PatchSplines {
 }
 
 impl PatchSplines {
-    /// The same ground, the chart so many times as large.
+    /// The same surface, with the chart scaled by `factor`.
     pub fn scaled(mut self, factor: f64) -> PatchSplines {
         self.grid.low *= factor;
         self.grid.pitch_mm *= factor;
         self
     }
 
-    /// The ground over `bounds` through points with their places in the chart: on ever finer grids until it is
-    /// `near_mm` from all of them or its pieces would be smaller than `pitch_min_mm`.
+    /// The surface over `bounds` through points with their positions in the chart: on ever finer grids until
+    /// it is within `near_mm` of all of them or its cells would be smaller than `pitch_min_mm`.
     pub fn through(
         points: &[(Vector3<f64>, Point2)],
         bounds: Box2,

@@ -15,8 +15,8 @@ const ON_EDGE_MM: f64 = 1e-9;
 const GRAZING_RAD: f64 = 1e-9;
 
 /// Radius, mm, of the largest disk inside the region that touches its boundary at `p` from the side
-/// of the unit normal `normal`; 0 in a convex corner, infinite where nothing opposes.
-/// `index` holds the region's edges; `p` should lie on one of them (or be a reflex vertex, with a
+/// of the unit normal `normal`; 0 in a convex corner, infinite if there is nothing opposite.
+/// `index` has the region's edges; `p` should be on one of them (or be a reflex vertex, with a
 /// normal between those of its two edges).
 pub fn tangent_disk_radius_mm(index: &EdgeIndex, p: Point2, normal: Vector2) -> f64 {
     let size = index.bounds().size();
@@ -62,7 +62,8 @@ fn radius_to_edge_mm(edge: &Edge, p: Point2, normal: Vector2) -> f64 {
 }
 
 /// Radius of the disk that touches the origin from the side of `normal` and the segment a-b, which
-/// does not hold the origin; infinite where it lies behind the tangent. Unit as the input's.
+/// does not contain the origin; infinite if the segment is behind the tangent. Unit as in the
+/// input.
 pub fn touching_radius(a: Vector2, b: Vector2, normal: Vector2) -> f64 {
     let radius_to_point = |w: &Vector2| {
         let rise = normal.dot(w);

@@ -53,7 +53,8 @@ pub fn walls(rings: &[&[[f64; 2]]]) -> EdgeIndex {
     EdgeIndex::of_region(&region(rings), 0.6)
 }
 
-/// A ring about the origin, counter-clockwise, with the radius that is asked for at every corner.
+/// A ring about the origin, counter-clockwise, with the radius that a function gives at every
+/// corner.
 pub fn star(corners: usize, mut radius_mm: impl FnMut(usize) -> f64) -> Vec<[f64; 2]> {
     let corner = |i: usize| {
         let (sin, cos) = (TAU * i as f64 / corners as f64).sin_cos();

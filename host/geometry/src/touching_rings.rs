@@ -12,7 +12,7 @@ use super::polygon::{Region, Ring};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// The region with rings that turn back where they touch; itself where none does.
+/// The region with rings that turn back where they touch; unchanged if none does.
 pub fn turned_back(region: Region) -> Vec<Region> {
     let edges: Vec<(Point2, Point2)> = region.edges().collect();
     let place = |p: &Point2| [p.x, p.y].map(f64::to_bits);

@@ -58,7 +58,7 @@ pub enum ValidityError {
         /// Where.
         at_mm: [f64; 2],
     },
-    /// The ring comes back to a point that it passed before.
+    /// The ring returns to an earlier point.
     #[error("{ring} touches itself at ({:.4}, {:.4}) mm; --repair can mend it", at_mm[0], at_mm[1])]
     SelfTouch {
         /// Which ring.
@@ -87,7 +87,7 @@ pub enum ValidityError {
         /// Where.
         at_mm: [f64; 2],
     },
-    /// A hole lies outside the exterior, at least at this place.
+    /// A hole is outside the exterior, at least at this point.
     #[error("hole {hole} lies outside the exterior at ({:.4}, {:.4}) mm", at_mm[0], at_mm[1])]
     HoleOutside {
         /// Which hole.
@@ -95,7 +95,7 @@ pub enum ValidityError {
         /// Where.
         at_mm: [f64; 2],
     },
-    /// A hole lies inside another.
+    /// A hole is inside another.
     #[error("hole {hole} lies inside hole {outer} at ({:.4}, {:.4}) mm", at_mm[0], at_mm[1])]
     HoleInHole {
         /// The inner one.

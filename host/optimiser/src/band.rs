@@ -45,7 +45,7 @@ impl Band {
         &mut self.rows[i]
     }
 
-    /// Entry (i, j), whichever is greater.
+    /// Entry (i, j), in either order.
     pub fn at(&self, i: usize, j: usize) -> f64 {
         let (low, high) = (i.min(j), i.max(j));
         self.rows[low].get(high - low).copied().unwrap_or(0.0)
@@ -57,7 +57,7 @@ impl Band {
         }
     }
 
-    /// Takes an unknown out of the system: its row and column become those of the identity.
+    /// Removes an unknown from the system: its row and column become those of the identity.
     pub fn pin(&mut self, i: usize) {
         for (off, row) in self.rows[i.saturating_sub(WIDTH - 1)..i]
             .iter_mut()
@@ -181,8 +181,8 @@ impl System {
         self.band.pin(unknown);
     }
 
-    /// Takes a phantom knot out of the unknowns: it is twice the `end` knot less the `inner` one. All three are
-    /// among the four knots from `window` on, beyond which the phantom couples with nothing.
+    /// Removes a phantom knot from the unknowns: it is twice the `end` knot minus the `inner` one. All three
+    /// are among the four knots from `window` on, beyond which the phantom has no coupling.
     pub fn fold(&mut self, window: usize, [phantom, end, inner]: [usize; 3]) {
         let base = CHANNELS * window;
         let mut dense = [[0.0; WIDTH]; WIDTH];

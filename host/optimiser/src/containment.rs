@@ -234,7 +234,7 @@ pub struct Containment<'a> {
 /// How hard containment is.
 #[derive(Clone, Copy, Debug)]
 pub struct Wall {
-    /// Price of the squared distance (a²) that a pose is nearer than the margin.
+    /// Price of the squared distance (a²) by which a pose is nearer than the margin.
     pub weight: f64,
     /// Clearance that costs nothing, in a.
     pub margin: f64,
@@ -275,7 +275,7 @@ impl<'a> Containment<'a> {
         }
     }
 
-    /// Adds what comes nearer to a wall than the margin.
+    /// Adds the penalty of poses nearer to a wall than the margin.
     pub fn add(
         &mut self,
         knots: &[Knot],

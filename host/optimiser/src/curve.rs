@@ -16,7 +16,7 @@ pub const PACE: usize = 3;
 /// Passes with fewer control points stay as they are.
 const CONTROL_MIN: usize = 6;
 
-/// Weights of the four knots of a span at one place of it: of the value and of its derivatives.
+/// Weights of the four knots of a span at one point of it: of the value and of its derivatives.
 #[derive(Clone, Copy, Debug)]
 pub struct Basis {
     /// Of the value.
@@ -61,7 +61,7 @@ pub fn blend(weights: &[f64; 4], knots: &[Knot]) -> Knot {
     })
 }
 
-/// Where the knots of one pass lie among all.
+/// The knots of one pass among all.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PassKnots {
     /// Number of the pass among those given.
@@ -70,7 +70,7 @@ pub struct PassKnots {
     pub first: usize,
     /// Spans: two knots fewer than control points with phantoms.
     pub spans: usize,
-    /// Whether it may move; its ground counts either way.
+    /// Whether it may move; its area counts either way.
     pub free: bool,
 }
 
@@ -98,7 +98,7 @@ pub struct Units {
 }
 
 impl Units {
-    /// Units of these passes about `origin`; `None` where none of them says a time.
+    /// Units of these passes about `origin`; `None` if none of them has a time.
     pub fn of(passes: &[OptimisedPass], length_mm: f64, origin: Point2) -> Option<Units> {
         let mut sum = 0.0;
         let mut count = 0;
@@ -140,7 +140,7 @@ fn is_sound(pass: &OptimisedPass) -> bool {
         && numbers.copied().all(f64::is_finite)
 }
 
-/// The knots of all sound passes, each with its phantoms, and where each lies.
+/// The knots of all valid passes, each with its phantoms, and the range of each.
 pub fn knots_of(passes: &[OptimisedPass], units: &Units) -> (Vec<Knot>, Vec<PassKnots>) {
     let mut knots = Vec::new();
     let mut ranges = Vec::new();

@@ -116,7 +116,7 @@ impl Curves {
         turn * self.width(along.y.atan2(along.x), own[2]) > ROUNDED_SHARE * self.bound * length
     }
 
-    /// Adds what exceeds the bound, weighed by `hardness`.
+    /// Adds the excess over the bound, weighted by `hardness`.
     pub fn add(
         &self,
         knots: &[Knot],

@@ -12,7 +12,7 @@ use super::terms::Terms;
 /// Curvature against that of one visit: what neighbouring beads share is bounded, not solved.
 const SHARED: f64 = 2.0;
 
-/// The terms of ground.
+/// The area terms.
 #[derive(Clone, Debug)]
 pub struct Ground<'a> {
     sweep: Sweep<'a>,
@@ -34,7 +34,7 @@ fn cost(cover: f64, blur: f64, twice_share: f64) -> [f64; 3] {
 }
 
 impl<'a> Ground<'a> {
-    /// `price` of an area of a², in mean spans; `twice_share` of it where ground is laid twice.
+    /// `price` of an area of a², in mean spans; `twice_share` of it for area laid twice.
     pub fn new(sweep: Sweep<'a>, price: f64, twice_share: f64) -> Ground<'a> {
         Ground {
             sweep,
@@ -43,12 +43,12 @@ impl<'a> Ground<'a> {
         }
     }
 
-    /// Sweeps all passes anew.
+    /// Sweeps all passes again.
     pub fn sweep(&mut self, knots: &[Knot], passes: &[PassKnots]) {
         self.sweep.run(knots, passes);
     }
 
-    /// Adds the ground of what was swept last, the corner of its price rounded over `blur`.
+    /// Adds the area terms of the last sweep, with the corner of the price rounded over `blur`.
     pub fn add(&mut self, blur: f64, terms: &mut Terms, system: &mut System) {
         for contact in &mut self.sweep.contacts {
             (contact.slope, contact.curvature) = (0.0, 0.0);

@@ -59,12 +59,12 @@ pub struct OptimisedPass {
     pub log_pace: Vec<f64>,
 }
 
-/// Where passes are laid, and with what.
+/// The region of the passes, and the tool.
 #[derive(Clone, Copy, Debug)]
 pub struct Site<'a> {
     /// The region's boundary, mm, in the passes' frame.
     pub walls: &'a EdgeIndex,
-    /// Ground inside it that is none of these passes': what they lay there or leave open counts for nothing.
+    /// Area inside it that does not belong to these passes: covering it or leaving it open does not count.
     pub left_out: &'a [Region],
     /// The nozzle.
     pub aperture: &'a Aperture,
@@ -72,18 +72,18 @@ pub struct Site<'a> {
     pub limits: &'a PoseLimits,
     /// Most that a bead's width across the path may be of the path's radius, where that is bounded.
     pub width_by_radius_max: Option<f64>,
-    /// How large the nozzle is by place, where the plane is the chart of curved ground.
+    /// Size of the nozzle by position, if the plane is the chart of a curved surface.
     pub scale: Option<&'a ScaleField>,
 }
 
-/// What is to be made small: seconds + price x (open + share x laid twice).
+/// The minimised sum: seconds + price x (open + share x laid twice).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Objective {
-    /// Price of ground that is left open, s/mm².
+    /// Price of area left open, s/mm².
     pub price_s_mm2: f64,
-    /// Share of that price for ground that is laid twice.
+    /// Share of that price for area laid twice.
     pub twice_share: f64,
-    /// Path of a pass after which a return to a place lays it twice, mm.
+    /// Path of a pass after which a return to a place counts as laid twice, mm.
     pub return_mm: f64,
 }
 
@@ -105,7 +105,7 @@ pub enum Outcome {
     UnknownAperture,
     /// The region has too many cells; the passes are as they were.
     TooLarge,
-    /// Numbers that are none; the passes are as they were.
+    /// Values that are not finite; the passes are unchanged.
     NotFinite,
 }
 
@@ -118,10 +118,10 @@ pub struct OptimiseReport {
     pub seconds: [f64; 2],
     /// Ground left open by its own count, mm²: before and after.
     pub open_mm2: [f64; 2],
-    /// Ground laid twice by its own count, mm²: before and after.
+    /// Area laid twice by the optimiser's own count, mm²: before and after.
     pub twice_mm2: [f64; 2],
-    /// How far each pass leaves the walls, mm: before the last projection and after it. A pass that is outside too far
-    /// after it should be replaced by what it was.
+    /// Depth of each pass outside the walls, mm: before the last projection and after it. A pass that is too far
+    /// outside after it should be replaced by the original.
     pub outside_mm: Vec<[f64; 2]>,
     /// Iterations made.
     pub iterations: usize,
@@ -143,8 +143,8 @@ impl OptimiseReport {
     }
 }
 
-/// Improves the passes of one region all together. Passes of few control points stay as they are. What
-/// comes back is always a curve of numbers: at worst what went in.
+/// Improves the passes of one region together. Passes of few control points are unchanged. The result
+/// is always a curve of finite numbers: at worst the input.
 pub fn optimise(
     passes: &mut [OptimisedPass],
     site: &Site,

@@ -60,7 +60,7 @@ struct Place<'a> {
     by_time: [[f64; 3]; ORDERS],
 }
 
-/// The places of a span, without its end.
+/// The sample points of a span, without its end.
 pub fn places() -> [Basis; PLACES] {
     let share = |s: usize| PLACES_FROM + (1.0 - 2.0 * PLACES_FROM) * s as f64 / (PLACES - 1) as f64;
     std::array::from_fn(|s| Basis::at(share(s)))
@@ -326,7 +326,7 @@ impl SpanSums {
     }
 
     /// A term with this slope and curvature by a value whose derivatives by x, y and heading of the four knots are
-    /// `rows`. The heading is not coupled with the place: what is left is positive all the same.
+    /// `rows`. The heading is not coupled with the position: the remaining matrix is still positive.
     pub fn add_rows(&mut self, slope: f64, curve: f64, rows: &[[f64; 4]; 3]) {
         for (m, row) in rows.iter().enumerate() {
             add_scaled(&mut self.slope[m], slope, row);

@@ -47,11 +47,11 @@ const GAIN_MIN: f64 = 1e-7;
 /// How hard limits are at one time.
 #[derive(Clone, Copy, Debug)]
 pub struct Hardness {
-    /// Weight of what exceeds limits of motion.
+    /// Weight of the excess over limits of motion.
     pub limits: f64,
     /// Of the walls.
     pub wall: Wall,
-    /// Cover over which the corner of the ground's price is rounded.
+    /// Coverage over which the corner of the area's price is rounded.
     pub blur: f64,
 }
 
@@ -260,7 +260,7 @@ impl<'a> Newton<'a> {
     }
 }
 
-/// Takes phantoms and what is fixed out of the unknowns.
+/// Removes phantoms and fixed knots from the unknowns.
 pub fn prepare(system: &mut System, passes: &[PassKnots]) {
     for pass in passes {
         let (first, end) = (pass.first, pass.end());

@@ -14,7 +14,7 @@ pub struct AxisLimits {
     pub jerk: f64,
 }
 
-/// Limits of a pose's motion, the plan's share applied.
+/// Limits of a pose's motion, with the plan's share applied.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseLimits {
     /// Of the tip, mm/s.
@@ -26,7 +26,7 @@ pub struct PoseLimits {
 }
 
 impl PoseLimits {
-    /// Time from rest to rest over a way and a turn, whichever takes longer, s.
+    /// Time from rest to rest over a distance and a turn, whichever takes longer, s.
     pub fn rest_to_rest_s(&self, way_mm: f64, turn_rad: f64) -> f64 {
         let [x, y, heading] = &self.axes;
         let tip = AxisLimits {

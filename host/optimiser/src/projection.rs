@@ -34,7 +34,8 @@ const STIFFENING: f64 = 10.0;
 /// Most that a step changes a channel, in a or rad.
 const STEP_MAX: f64 = 0.05;
 
-/// How far a pass leaves the walls, mm: the deepest of [`POSES_CHECKED`] poses a span and its end.
+/// Depth of a pass outside the walls, mm: the deepest of [`POSES_CHECKED`] poses of each span and
+/// its end.
 pub fn outside_mm(pass: &OptimisedPass, site: &Site) -> f64 {
     let (walls, aperture) = (site.walls, site.aperture);
     let spans = pass.control.len().saturating_sub(1);
@@ -75,8 +76,8 @@ fn edges_about(poses: &[Configuration], site: &Site) -> EdgesAbout {
     EdgesAbout::new(edges.filter(|edge| edge.may_meet(&area)).collect())
 }
 
-/// The knots of one pass moved inside the walls, as far as the steps get (Levenberg and Marquardt: a step that does
-/// not help is tried again, stiffer).
+/// The knots of one pass moved inside the walls, as far as possible (Levenberg and Marquardt: a step without
+/// improvement is repeated with more damping).
 pub fn projected(own: &[Knot], range: &PassKnots, containment: &mut Containment) -> Vec<Knot> {
     let pass = PassKnots { first: 0, ..*range };
     let unknowns = CHANNELS * own.len();

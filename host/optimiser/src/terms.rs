@@ -11,7 +11,7 @@ pub struct Terms {
     pub open: f64,
     /// Area laid twice, a²; not a part of the sum by itself.
     pub twice: f64,
-    /// What ground left open and laid twice costs, smoothed.
+    /// Cost of area left open and laid twice, smoothed.
     pub ground: f64,
     /// What motion beyond the limits costs.
     pub excess: f64,

@@ -29,7 +29,7 @@ pub fn limits() -> PoseLimits {
     }
 }
 
-/// 2 s/mm², half for what is laid twice, a return after 1.5 a.
+/// 2 s/mm², half for area laid twice, a return after 1.5 a.
 pub fn objective(major_mm: f64) -> Objective {
     Objective {
         price_s_mm2: 2.0,
@@ -49,7 +49,7 @@ pub fn apertures() -> [Aperture; 4] {
     ]
 }
 
-/// All ground within the walls.
+/// All area within the walls.
 pub fn site<'a>(walls: &'a EdgeIndex, aperture: &'a Aperture, limits: &'a PoseLimits) -> Site<'a> {
     Site {
         width_by_radius_max: None,

@@ -17,7 +17,7 @@ pub struct Tooled {
     pub inverse: f64,
     /// Its middle, in a.
     pub center: [f64; 2],
-    /// What the scale is there, and the middle's shift in mm; `None` on flat ground.
+    /// The scale there, and the shift of the middle in mm; `None` on a flat surface.
     pub place: Option<(PlaceScale, Vector2)>,
 }
 

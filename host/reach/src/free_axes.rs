@@ -30,12 +30,12 @@ pub struct Cap {
     pub angle_rad: f64,
 }
 
-/// A tip, and how many points stand while it is there.
+/// A tip position, and the number of points that exist then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// The tip, mm.
     pub tip_mm: Vector3,
-    /// How many points stand.
+    /// Number of existing points.
     pub before: usize,
 }
 
@@ -44,7 +44,7 @@ pub struct Place {
 pub enum Found {
     /// The nearest free axis.
     Free(Vector3),
-    /// There is none. What is met nearest to the wish: place and point in their orders.
+    /// There is none. The collision nearest to the desired axis: indices of place and point.
     None {
         /// Of the places.
         place: usize,
@@ -64,7 +64,7 @@ pub struct Search {
     pub caps: Vec<Cap>,
 }
 
-/// The axis nearest to `wish` that is in all `within` and touches nothing at any of the places.
+/// The axis nearest to `wish` that is in all of `within` and clear at all of the places.
 pub fn nearest_free(
     head: &Head,
     standing: &Standing,
@@ -93,7 +93,7 @@ pub fn nearest_free(
     }
 }
 
-/// The cap that one place forbids for a tip, where it forbids any.
+/// The cap that one point excludes for a tip, if any.
 pub fn cap_of(head: &Head, tip_mm: &Vector3, place_mm: &Vector3) -> Option<Cap> {
     let away = place_mm - tip_mm;
     let distance_mm = away.norm();

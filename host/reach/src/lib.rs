@@ -29,7 +29,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The pose half way to another one; none where their axes are opposite.
+    /// The pose in the middle between this and another one; `None` if their axes are opposite.
     pub fn middle(&self, to: &Pose) -> Option<Pose> {
         let sum = self.axis + to.axis;
         let axis = sum.try_normalize(1e-6)?;

@@ -1,7 +1,7 @@
 //! The head as a solid of revolution: its radius at a height above the tip.
 
-/// Radius by height, piecewise linear, steps allowed. Where a narrower section follows a wider one it
-/// counts as wide as what is below it: from above nothing printed gets there.
+/// Radius by height, piecewise linear, with steps. A narrower section above a wider one counts as
+/// wide as that one: no print can be there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeadProfile {
     /// Height and radius, mm; both never fall. Two of one height are a step.
@@ -21,7 +21,7 @@ pub enum ProfileError {
     TooFew,
     /// The first is not at height 0.
     NotAtTip,
-    /// One is no number, negative, or lower than the one before; which.
+    /// One is not a number, negative, or lower than the previous one; its index.
     Knot(usize),
 }
 
@@ -65,12 +65,12 @@ impl HeadProfile {
         profile
     }
 
-    /// A head as thin as its tip's middle, which holds nothing.
+    /// A head of radius 0, which contains nothing.
     pub fn line() -> HeadProfile {
         HeadProfile::of_sound(vec![[0.0; 2], [1.0, 0.0]])
     }
 
-    /// The flat end alone, up to its radius: what it dips by at 45°.
+    /// Only the flat end, up to its radius: its dip at 45°.
     pub fn flat_end(&self) -> HeadProfile {
         let radius_mm = self.tip_radius_mm();
         HeadProfile::of_sound(vec![[0.0, radius_mm], [radius_mm.max(1e-9), radius_mm]])
@@ -96,13 +96,14 @@ impl HeadProfile {
         self.knots[0][1]
     }
 
-    /// No part of it is farther from the tip, mm.
+    /// The largest distance of any part from the tip, mm.
     pub fn reach_mm(&self) -> f64 {
         let [height_mm, radius_mm] = self.knots[self.knots.len() - 1];
         height_mm.hypot(radius_mm)
     }
 
-    /// Radius at a height, mm, the wider one at a step; below the tip that of the flat end, above the top the widest.
+    /// Radius at a height, mm, the larger one at a step; below the tip that of the flat end, above the top the
+    /// largest.
     #[inline]
     pub fn radius_mm(&self, height_mm: f64) -> f64 {
         let mut below = self.knots[0];
@@ -124,8 +125,8 @@ impl HeadProfile {
         self.bounds_mm[index.min(BOUNDS as usize)]
     }
 
-    /// How deep a place is inside, mm: no less than its distance from all faces' lines but the top's; negative
-    /// outside, and then by no more than the distance.
+    /// Depth of a point inside, mm: no less than its distance from the lines of all faces except the top;
+    /// negative outside, and then by no more than the distance.
     pub fn depth_mm(&self, [height_mm, from_axis_mm]: [f64; 2]) -> f64 {
         let mut deepest_mm = f64::NEG_INFINITY;
         for pair in self.knots.windows(2) {
@@ -157,12 +158,13 @@ impl HeadProfile {
             .fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Half the angle at which the head is seen from its tip at a distance: it
-    /// holds a place there whose direction is closer to the axis than that, where it is higher than `slack_mm`.
-    /// Above its top the head goes on as wide: something carries it.
+    /// Half the angle of the head, seen from its tip, at a distance: it contains a point there whose direction
+    /// is closer to the axis than that and that is higher than `slack_mm`. Above its top the head continues
+    /// with the same width, since something carries it.
     ///
-    /// At a distance rho the sine of the angle g grows and the radius at the height rho cos g falls, so one g
-    /// parts inside and outside: on a cone of slope k from a radius r0 it is atan k + asin(r0 cos(atan k) / rho).
+    /// At a distance rho the sine of the angle g increases and the radius at the height rho cos g decreases, so
+    /// one g separates inside and outside: on a cone of slope k from a radius r0 it is atan k + asin(r0 cos(atan
+    /// k) / rho).
     pub fn half_angle_rad(&self, distance_mm: f64, slack_mm: f64) -> f64 {
         if distance_mm <= slack_mm {
             return 0.0;
@@ -194,8 +196,8 @@ impl HeadProfile {
         cone_rad(0.0, self.knots[self.knots.len() - 1][1], distance_mm)
     }
 
-    /// The free tilt: tilted no more than that, what is printed in the order of its height never touches. The least
-    /// angle between the tip's plane and an edge of the head, but for the flat end itself.
+    /// The free tilt: up to that tilt, the head never touches print made in the order of height. The least angle
+    /// between the tip's plane and an edge of the head, except for the flat end itself.
     pub fn free_tilt_rad(&self) -> f64 {
         let edges = self.knots.iter().filter(|knot| knot[0] > 0.0);
         edges
@@ -203,8 +205,8 @@ impl HeadProfile {
             .fold(std::f64::consts::FRAC_PI_2, f64::min)
     }
 
-    /// Largest tilt at which no edge comes lower than the table, `above_mm` below the tip; the flat end may dip by
-    /// `slack_mm`. Zero where even an upright head does.
+    /// Largest tilt at which no edge is below the table, `above_mm` below the tip; the flat end may dip by
+    /// `slack_mm`. Zero if even an upright head is below it.
     pub fn tilt_over_table_rad(&self, above_mm: f64, slack_mm: f64) -> f64 {
         let room_mm = above_mm + slack_mm;
         let limit = |&[height_mm, radius_mm]: &[f64; 2]| {

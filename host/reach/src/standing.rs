@@ -15,20 +15,20 @@ pub(crate) const BLOCK: usize = 8;
 /// Levels of the tree: more points than fit in memory.
 pub(crate) const DEPTH_MAX: usize = 64;
 
-/// A point of what stands.
+/// A point of an obstacle or of earlier print.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Where, mm.
     pub at_mm: Vector3,
-    /// Radius of the disc that it stands for, mm.
+    /// Radius of the disc that it represents, mm.
     pub half_width_mm: f64,
-    /// Normal of the disc, unit: the tool axis that laid it.
+    /// Unit normal of the disc: the tool axis when it was printed.
     pub normal: Vector3,
 }
 
 impl Point {
-    /// The place of its disc that is nearest to a tip's foot on its plane. A tip that moves moves it by no more, and
-    /// within the plane.
+    /// The point of its disc nearest to a tip's foot on its plane. If the tip moves, this point moves by no more
+    /// than the tip, and within the plane.
     #[inline]
     pub fn edge_mm(&self, tip_mm: &Vector3) -> Vector3 {
         let away = tip_mm - self.at_mm;
@@ -195,7 +195,7 @@ impl Discs {
     }
 }
 
-/// What stands, in order.
+/// Obstacles and print, in order.
 #[derive(Clone, Debug, Default)]
 pub struct Standing {
     pub(crate) leaves: Vec<Leaf>,
@@ -210,7 +210,7 @@ pub struct Standing {
 }
 
 impl Standing {
-    /// A tree of points in the order in which they come to stand; at most [`POINTS_MAX`], the others are left out.
+    /// A tree of points in the order of printing; at most [`POINTS_MAX`], others are ignored.
     pub fn new(points: &[Point]) -> Standing {
         let points = &points[..points.len().min(POINTS_MAX)];
         let leaf = |(order, point): (usize, &Point)| Leaf {
@@ -238,7 +238,7 @@ impl Standing {
         self.leaves.len()
     }
 
-    /// True where nothing stands.
+    /// True if there are no points.
     pub fn is_empty(&self) -> bool {
         self.leaves.is_empty()
     }

@@ -11,15 +11,16 @@ use crate::standing::{
 use crate::{Pose, Vector3};
 use std::ops::ControlFlow;
 
-/// Touches of one pose that are looked at: where there are more it is far inside, and they are much alike.
+/// Maximum number of collisions evaluated for one pose: with more, the pose is far inside, and they are
+/// similar.
 pub const TOUCHES_MAX: usize = 512;
 
-/// A touched place.
+/// A collision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
     /// Where it is, mm: a point's middle or its edge.
     pub at_mm: Vector3,
-    /// Which one, in the order in which they came to stand.
+    /// Its index in the order of printing.
     pub order: usize,
     /// Height above the tip's plane, mm.
     pub height_mm: f64,
@@ -27,12 +28,12 @@ pub struct Touch {
     pub depth_mm: f64,
 }
 
-/// A head and what it may dip: the queries.
+/// A head with its permitted dip: the queries.
 #[derive(Clone, Copy, Debug)]
 pub struct Head<'a> {
     /// Its profile.
     pub profile: &'a HeadProfile,
-    /// What is no higher than that above the tip's plane is no touch, mm.
+    /// Points no higher than this above the tip's plane do not count, mm.
     pub slack_mm: f64,
 }
 
@@ -91,7 +92,7 @@ struct Waiting {
 }
 
 impl Head<'_> {
-    /// The first point found that is touched, of those that stand `before`.
+    /// The first colliding point found among those that exist `before`.
     pub fn any(&self, standing: &Standing, pose: &Pose, before: usize) -> Option<usize> {
         let mut found = None;
         self.each(standing, pose, before, Motion::default(), |leaf| {
@@ -101,7 +102,7 @@ impl Head<'_> {
         found
     }
 
-    /// Calls `on` for the touches of a pose, at most [`TOUCHES_MAX`] of them.
+    /// Calls `on` for the collisions of a pose, at most [`TOUCHES_MAX`] of them.
     pub fn each_touch(
         &self,
         standing: &Standing,
@@ -143,8 +144,8 @@ impl Head<'_> {
         });
     }
 
-    /// How far a flat end ([`HeadProfile::flat_end`], without slack) dips into what stands, mm: the greatest height of a
-    /// point below it. Zero where it does not.
+    /// Dip of a flat end ([`HeadProfile::flat_end`], without slack) into obstacles and print, mm: the greatest height
+    /// of a point below it. Zero if there is none.
     pub fn tip_dip_mm(&self, standing: &Standing, pose: &Pose, before: usize) -> f64 {
         let radius_mm = self.profile.tip_radius_mm();
         let mut dip_mm = 0.0;
@@ -158,8 +159,8 @@ impl Head<'_> {
         dip_mm
     }
 
-    /// True where no point is touched anywhere on a straight way with an even turn between two poses, found at its
-    /// middle; false where that is not sure.
+    /// True if there is no collision on a straight path with a uniform rotation between two poses, tested at its
+    /// middle; false if that is not certain.
     pub fn is_clear_between(&self, standing: &Standing, ends: [&Pose; 2], before: usize) -> bool {
         let [from, to] = ends;
         let Some(middle) = from.middle(to) else {

@@ -35,13 +35,13 @@ const REGULAR: f64 = 1e-9;
 /// Weights of the coefficients from the one before a knot on for b there.
 const AT_KNOT: [f64; 4] = [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0, 0.0];
 
-/// What is asked: rows over a window of coefficients, those in `free` unknown.
+/// The problem: rows over a window of coefficients, of which those in `free` are unknown.
 pub struct Window<'a> {
     /// The rows, with places by the window's own coefficients.
     pub rows: &'a Rows,
     /// Coefficients that may change.
     pub free: Range<usize>,
-    /// Squared pace below which a result is not taken.
+    /// Squared rate below which a result is rejected.
     pub floor: f64,
 }
 
@@ -73,7 +73,7 @@ struct Step {
     dual_share: f64,
 }
 
-/// The free coefficients of least time; none where the steps did not settle.
+/// The free coefficients of least time; `None` if the steps did not converge.
 pub fn least_time(window: &Window, coefficients: Vec<f64>) -> Option<Vec<f64>> {
     let mut iterate = Iterate::new(window, coefficients);
     let worst_before = iterate.worst_excess();

@@ -81,7 +81,7 @@ impl Place {
 /// The rows of a window.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
-    /// Its places, in order of time.
+    /// Its points, in order of time.
     pub places: Vec<Place>,
     /// All rows.
     pub rows: Vec<Row>,

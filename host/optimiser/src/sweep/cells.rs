@@ -76,14 +76,14 @@ pub struct Cells {
     pub rows: usize,
     /// Number of each cell of the box, row by row, or [`OUTSIDE`].
     pub numbers: Vec<u32>,
-    /// Cover that the wall stands for, by number: what lies beyond it counts as laid.
+    /// Coverage contributed by the wall, by number: the area beyond it counts as laid.
     pub wall_cover: Vec<f32>,
     origin: [f64; 2],
 }
 
 impl Cells {
-    /// Cells of the region with these edges but for the ground that others bound, for an edge of this half width; `None`
-    /// where it is too large or empty.
+    /// Cells of the region with these edges except for the area that others bound, for an edge of this half width;
+    /// `None` if it is too large or empty.
     pub fn of(segments: &[Segment], left_out: &[Segment], edge_half: f64) -> Option<Cells> {
         let turned = |segments: &[Segment]| -> Vec<Segment> {
             segments.iter().map(|ends| ends.map(to_grid)).collect()
@@ -205,13 +205,13 @@ impl Cells {
         }
     }
 
-    /// Columns whose middles lie in a range of x.
+    /// Columns whose middles are in a range of x.
     #[inline]
     pub fn columns_in(&self, low: f32, high: f32) -> std::ops::Range<usize> {
         self.range(low, high, self.origin[0] as f32, self.columns)
     }
 
-    /// Rows whose middles lie in a range of y.
+    /// Rows whose middles are in a range of y.
     #[inline]
     pub fn rows_in(&self, low: f32, high: f32) -> std::ops::Range<usize> {
         self.range(low, high, self.origin[1] as f32, self.rows)
@@ -255,7 +255,7 @@ const NEVER: u32 = u32::MAX;
 /// Distance of a cell that the inside of the aperture passed over.
 const WELL_INSIDE: f32 = -1e3;
 
-/// The visits of all cells: the newest of each in place, the few older ones behind.
+/// The visits of all cells: the newest of each in place, the few older ones after them.
 #[derive(Clone, Debug)]
 pub struct Visits {
     newest: Vec<Visit>,
@@ -264,12 +264,12 @@ pub struct Visits {
     apart: f32,
 }
 
-/// What of the sweep is at a cell.
+/// The sweep's data at a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen {
-    /// Path from and to which, in a.
+    /// Path at its start and end, in a.
     pub from: f32,
-    /// Path to which.
+    /// Path at its end.
     pub last: f32,
     /// Distance beyond the edge of the sweep.
     pub distance: f32,
@@ -337,7 +337,8 @@ impl Visits {
         };
     }
 
-    /// The cover of a cell that no strip sees: never visited, or once by the inside of the aperture.
+    /// The coverage of a cell outside all strips: never visited, or once by the interior of the
+    /// aperture.
     #[inline]
     pub fn plain_cover(&self, cell: usize) -> Option<f32> {
         let visit = &self.newest[cell];
@@ -348,7 +349,7 @@ impl Visits {
         }
     }
 
-    /// The visits of a cell in order, as many as fit, the newest where they do not; their number.
+    /// The visits of a cell in order, as many as fit, otherwise the newest; their number.
     #[inline]
     pub fn of(&self, cell: usize, into: &mut [Visit; VISITS_MAX]) -> usize {
         let mut visit = self.newest[cell];
@@ -366,7 +367,7 @@ impl Visits {
     }
 }
 
-/// Most visits of a cell that are looked at.
+/// Maximum number of visits of a cell that are evaluated.
 pub const VISITS_MAX: usize = 8;
 
 impl Visit {

@@ -51,7 +51,7 @@ impl Ellipse {
         self.angles.iter().map(|&angle| self.at(angle)).collect()
     }
 
-    /// Motion between marks of the inside that leaves out no more than `scallop`: the sharp end of the inside has
+    /// Motion between marks of the interior that misses no more than `scallop`: the sharp end of the interior has
     /// the curvature a'/b'².
     pub fn mark_step(&self, scallop: f32) -> f32 {
         let (a, b) = (1.0 - self.rim, self.minor - self.rim);
@@ -134,7 +134,7 @@ impl Ellipse {
     }
 }
 
-/// Rows of a turned ellipse about its centre: square x² + 2 mixed x y + ... = 1.
+/// Rows of a rotated ellipse about its centre: square x² + 2 mixed x y + ... = 1.
 #[derive(Clone, Copy, Debug)]
 pub struct EllipseRows {
     /// Half its height.

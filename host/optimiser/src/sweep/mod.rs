@@ -79,7 +79,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// A vector of the plane in the tool's frame, in which the tool has its own size.
+    /// Transforms a vector of the plane into the tool's frame, in which the tool has its own size.
     #[inline]
     pub fn in_tool(&self, v: [f32; 2]) -> [f32; 2] {
         self.turned_in(v).map(|c| c * self.inverse)
@@ -117,7 +117,7 @@ impl Pose {
     }
 }
 
-/// A point of a pose's outline on the edge of the sweep, with what the ground collects there.
+/// A point of a pose's outline on the edge of the sweep, with the area terms' slopes there.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
     /// Where, in a.
@@ -184,7 +184,7 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// Sweeps all passes anew.
+    /// Sweeps all passes again.
     pub fn run(&mut self, knots: &[Knot], passes: &[PassKnots]) {
         self.poses.clear();
         self.contacts.clear();

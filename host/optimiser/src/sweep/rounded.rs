@@ -45,7 +45,7 @@ pub struct Rounded {
     sharpest_rad: f32,
 }
 
-/// Rows of the turned inside.
+/// Rows of the rotated interior.
 #[derive(Clone, Debug)]
 pub struct RoundedRows {
     corners: Vec<Vector2>,
@@ -134,7 +134,7 @@ impl Rounded {
         self.elements.iter().map(|element| element.at).collect()
     }
 
-    /// Motion between marks of the inside that leaves out no more than `scallop`: by its roundest corner, or by the
+    /// Motion between marks of the interior that misses no more than `scallop`: by its roundest corner, or by the
     /// sharpest.
     pub fn mark_step(&self, scallop: f32) -> f32 {
         if self.inside_radius > 0.0 {
@@ -144,13 +144,14 @@ impl Rounded {
         }
     }
 
-    /// How far the tip of the sharpest corner lies beyond the inside.
+    /// Distance of the tip of the sharpest corner from the interior.
     pub fn tip(&self) -> f32 {
         let sharp = (self.rim - self.radius).max(0.0);
         self.rim - sharp + sharp / (self.sharpest_rad / 2.0).sin().max(1e-3)
     }
 
-    /// 1 + 2 d / b, with d the signed distance from the outline: near it what the squared gauge is for an ellipse.
+    /// 1 + 2 d / b, with d the signed distance from the outline: near it the equivalent of the squared gauge of an
+    /// ellipse.
     #[inline]
     pub fn gauge2(&self, at: [f32; 2]) -> f32 {
         1.0 + 2.0 * self.signed_distance(at) / self.minor
@@ -236,7 +237,7 @@ impl Rounded {
         }
     }
 
-    /// Rows of the inside, not turned.
+    /// Rows of the interior, not rotated.
     pub fn rows(&self) -> RoundedRows {
         RoundedRows {
             corners: self.inside.clone(),

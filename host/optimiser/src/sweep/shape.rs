@@ -34,7 +34,8 @@ pub struct OutlinePoint {
     pub normal: [f32; 2],
 }
 
-/// A point of the outline that moves along the outline: there it touches the envelope of the sweep.
+/// A point of the outline that moves along the outline: there the outline touches the envelope of
+/// the sweep.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Touch {
     /// The point.
@@ -58,7 +59,7 @@ enum Kind {
     Rounded(Rounded),
 }
 
-/// Rows of the aperture less a rim, turned; about its axis.
+/// Rows of the rotated aperture without a rim, about its axis.
 #[derive(Clone, Debug)]
 pub enum Inside {
     /// Of an ellipse.
@@ -127,13 +128,13 @@ impl Shape {
         self.mark_step
     }
 
-    /// How deep below the edge of the sweep a strip must see cells so that none falls between it and the marks of the
-    /// inside, in a.
+    /// Depth below the edge of the sweep to which a strip must include cells so that none is missed between it and
+    /// the marks of the interior, in a.
     pub fn deep(&self) -> f32 {
         self.deep
     }
 
-    /// The square of the gauge function, or what is like it: below 1 inside, 1 on the outline.
+    /// The square of the gauge function, or an equivalent: below 1 inside, 1 on the outline.
     #[inline]
     pub fn gauge2(&self, at: [f32; 2]) -> f32 {
         match &self.kind {
@@ -142,8 +143,8 @@ impl Shape {
         }
     }
 
-    /// Whether a point at this distance from one side of the outline lies nearer to another, so that the aperture
-    /// ends there; never so for an ellipse, which has no corners.
+    /// Whether a point at this distance from one side of the outline is nearer to another side, so that the
+    /// aperture ends there; never for an ellipse, which has no corners.
     #[inline]
     pub fn is_nearer(&self, at: [f32; 2], distance: f32) -> bool {
         match &self.kind {
@@ -152,8 +153,8 @@ impl Shape {
         }
     }
 
-    /// Clears `visible` where a point of the outline of a tool, turned and shifted against this one, has a gauge
-    /// below `least`.
+    /// Clears `visible` where a point of the outline of a tool, rotated and shifted relative to this one, has a
+    /// gauge below `least`.
     pub fn hide(&self, shift: [f32; 2], turn: [f32; 2], least: f32, visible: &mut [bool]) {
         match &self.kind {
             Kind::Ellipse(ellipse) => {
@@ -165,8 +166,8 @@ impl Shape {
         }
     }
 
-    /// Where the outline moves along itself while the tool moves with `velocity` and turns with `turning`: at most
-    /// [`CONTACTS_MAX`] touches into `found`; their number.
+    /// Points where the outline moves along itself while the tool moves with `velocity` and turns with `turning`:
+    /// at most [`CONTACTS_MAX`] touches into `found`; their number.
     pub fn touches(
         &self,
         velocity: [f32; 2],
@@ -179,7 +180,7 @@ impl Shape {
         }
     }
 
-    /// Rows of the aperture less its rim, not turned yet.
+    /// Rows of the aperture without its rim, not yet rotated.
     pub fn inside(&self) -> Inside {
         match &self.kind {
             Kind::Ellipse(ellipse) => Inside::Ellipse(ellipse.rows([1.0, 0.0])),
