@@ -62,7 +62,7 @@ mod board {
     pub type Pins = PinBoard<ErasedPin<Input>, OutputPin, 4, 1>;
     pub type UsbLine = NoLine;
     pub type HeatPins = NoHeat;
-    /// Its drivers stand alone: no pin is left for their wires.
+    /// Its drivers are stand-alone: no pin is left for their wires.
     pub type DriverPins = NoDrivers;
     pub type ServoPin = NoPulse;
 
@@ -89,7 +89,7 @@ mod board {
     pub const SERIAL_CLOCK_MASK: u32 = 1 << 18;
     pub const SERIAL_INTERRUPT: Interrupt = Interrupt::USART3;
 
-    /// It has none, whatever the settings say.
+    /// It has none, whatever the settings contain.
     pub fn heaters(_settings: Option<HeatConfiguration>) -> HeatConfiguration {
         HeatConfiguration::none()
     }

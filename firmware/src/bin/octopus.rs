@@ -62,7 +62,7 @@ mod board {
     pub type DriverPins = crate::drivers::OctopusDrivers;
     pub type ServoPin = crate::servo::OctopusServo;
 
-    /// A hot end and a bed with the usual thermistors, where the settings say nothing of heaters.
+    /// A hot end and a bed with the usual thermistors, if the settings contain no heaters.
     pub fn heaters(settings: Option<HeatConfiguration>) -> HeatConfiguration {
         settings.unwrap_or_else(HeatConfiguration::standard)
     }

@@ -14,8 +14,8 @@ use core::f64::consts::TAU;
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
 
-/// Switches of the emulated board: joint, at the upper end, and how many steps from where the
-/// machine was switched on. Z goes up 5 mm, X and Y back 8 and 9 mm.
+/// Switches of the emulated board: joint, at the upper end, and its distance in steps from the
+/// position at power-on. Z moves up 5 mm, X and Y back 8 and 9 mm.
 pub const EMULATED_SWITCHES_STEPS: [(u8, bool, i32); 3] =
     [(2, true, 2000), (0, false, -640), (1, false, -720)];
 
@@ -72,10 +72,10 @@ pub fn emulated_planar() -> MachineConfiguration {
 /// What the file that `HEADWAY_MACHINE` named holds: a record of settings.
 const BUILT_FOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/machine.bin"));
 
-/// What a board to flash is built for: the settings in the file that `HEADWAY_MACHINE` named at build time
-/// (written by `headway machine firmware`), or the planar machine that the `headway` command has built in, with
-/// the switches of [`HomingConfiguration::standard`] and drivers that stand alone. `None` if the file holds
-/// nothing that can be run.
+/// The settings of a board to flash: those in the file that `HEADWAY_MACHINE` named at build time (written by
+/// `headway machine firmware`), or the built-in planar machine of the `headway` command, with the switches of
+/// [`HomingConfiguration::standard`] and stand-alone drivers. `None` if the file contains nothing that can be
+/// run.
 pub fn built_for() -> Option<BoardSettings> {
     if !BUILT_FOR.is_empty() {
         return BoardSettings::decode(BUILT_FOR).ok();
@@ -91,8 +91,8 @@ pub fn built_for() -> Option<BoardSettings> {
     })
 }
 
-/// What a board runs: what its flash keeps, where it can run that, else what is built in; and the hash of
-/// what is kept.
+/// The settings that a board uses: those in its flash, if it can run them, otherwise the built-in ones;
+/// and the hash of the stored ones.
 pub fn kept_settings<F: NorFlash>(
     store: &mut SettingsStore<F>,
     limits: &BoardLimits,
@@ -103,8 +103,8 @@ pub fn kept_settings<F: NorFlash>(
     Some((settings, record_hash(&record)))
 }
 
-/// The planar machine that the `headway` command plans for when it is told of no other: 250 x 250 x
-/// 200 mm, the nozzle turning without a stop. A test compares the two.
+/// The planar machine that is the default of the `headway` command: 250 x 250 x 200 mm, the nozzle
+/// turning without a stop. A test compares the two.
 pub fn built_in_planar() -> MachineConfiguration {
     let belt = JointConfiguration {
         rotary: false,

@@ -3,7 +3,7 @@
 use core::convert::Infallible;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 
-/// A line that says whether it has bytes, or room for some.
+/// A line that reports whether it has bytes, or room for some.
 pub trait Line: Read + ReadReady + Write + WriteReady {}
 
 impl<L: Read + ReadReady + Write + WriteReady> Line for L {}
@@ -11,7 +11,7 @@ impl<L: Read + ReadReady + Write + WriteReady> Line for L {}
 /// Bytes that are taken at once: a packet of USB at full speed.
 const PACKET_BYTES: usize = 64;
 
-/// Bytes of a line that have arrived and that nobody has taken yet.
+/// Bytes of a line that have arrived and have not been read yet.
 #[derive(Clone, Debug, Default)]
 pub struct Incoming {
     packet: Packet,
@@ -50,7 +50,8 @@ impl Default for Packet {
     }
 }
 
-/// Fills `incoming` with what has arrived, once all that it had is taken. A line in trouble has nothing.
+/// Fills `incoming` with bytes that have arrived, once all earlier ones have been read. A line with an
+/// error has none.
 pub fn fetch<L: Line>(line: &mut L, incoming: &mut Incoming) {
     // It is asked in each round, whether or not there is room: a USB device answers its host by it.
     if let Ok(true) = line.read_ready()
@@ -62,7 +63,8 @@ pub fn fetch<L: Line>(line: &mut L, incoming: &mut Incoming) {
     }
 }
 
-/// Sends what a line takes of `pending`: how many bytes of it. A line in trouble takes nothing.
+/// Sends as much of `pending` as a line accepts, and returns the number of bytes. A line with an
+/// error accepts none.
 pub fn send<L: Line>(line: &mut L, pending: &[u8]) -> usize {
     if pending.is_empty() || !line.write_ready().unwrap_or(false) {
         return 0;
@@ -70,7 +72,7 @@ pub fn send<L: Line>(line: &mut L, pending: &[u8]) -> usize {
     line.write(pending).unwrap_or(0).min(pending.len())
 }
 
-/// The line of a board that has none.
+/// The line of a board without one.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoLine;
 

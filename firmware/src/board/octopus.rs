@@ -20,8 +20,8 @@ const E: usize = 4;
 const F: usize = 5;
 const G: usize = 6;
 
-/// Where settings are kept: sector 3, between the vectors and the code (`build.rs`), and the last one,
-/// behind the map.
+/// Sectors of the settings: sector 3, between the vectors and the code (`build.rs`), and the last one,
+/// after the memory map.
 pub const SETTINGS_SECTORS: [Sector; 2] = [
     Sector {
         number: 3,
@@ -115,7 +115,7 @@ pub const HEAT: [Pin; CHANNELS] = [(A, 2), (A, 1), (A, 3), (A, 8), (E, 5), (D, 1
 pub const SENSORS: [(Pin, u32); HEATERS_MAX] = [((F, 4), 14), ((F, 3), 9), ((F, 5), 15)];
 /// PS-ON, high = the supply is on (`pins_BTT_OCTOPUS_V1_common.h` of Marlin).
 pub const SUPPLY: Pin = (E, 11);
-/// All heaters and fans: off until they are asked for.
+/// All heaters and fans: off until they are requested.
 pub const OFF: [Pin; 11] = [
     (A, 1),
     (A, 2),

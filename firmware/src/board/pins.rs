@@ -87,7 +87,7 @@ pub struct PinBoard<I, E, const INPUTS: usize, const ENABLES: usize> {
 impl<I: InputPin, E: OutputPin, const INPUTS: usize, const ENABLES: usize>
     PinBoard<I, E, INPUTS, ENABLES>
 {
-    /// Drivers off; returns once the inputs can be believed. 16 inputs at most.
+    /// Drivers off; returns when the inputs are stable. 16 inputs at most.
     pub fn new(
         inputs: [I; INPUTS],
         map: InputMap,

@@ -14,7 +14,7 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-/// Registers by their place behind the controller's first.
+/// Registers by their offset from the controller's first.
 pub const ACCESS: usize = 0x00;
 /// Takes the keys.
 pub const KEY: usize = 0x04;
@@ -43,7 +43,7 @@ pub const WORDS: u32 = 2 << 8;
 pub const START: u32 = 1 << 16;
 /// Nothing can be changed.
 pub const LOCK: u32 = 1 << 31;
-/// Of [`ACCESS`]: the cache of data, and emptying it, which works only while it is off.
+/// Of [`ACCESS`]: the data cache, and its reset, which works only while it is off.
 pub const DATA_CACHE: u32 = 1 << 10;
 /// As above.
 pub const EMPTY_DATA_CACHE: u32 = 1 << 12;
@@ -51,7 +51,7 @@ pub const EMPTY_DATA_CACHE: u32 = 1 << 12;
 /// Bytes of a sector that are used: the smallest sector.
 pub const BLOCK_BYTES: usize = 16 * 1024;
 const WORD_BYTES: usize = 4;
-/// Looks at BSY before it is given up: far more than 2 s of them, where the core does not stand still.
+/// Polls of BSY before giving up: far more than 2 s of them, if the core does not stall.
 pub const LOOKS_MAX: u32 = 1 << 27;
 
 /// A sector: its number and its first address.
@@ -63,7 +63,7 @@ pub struct Sector {
     pub address: u32,
 }
 
-/// Access to the controller's registers and to flash, which a board gives.
+/// Access to the controller's registers and to flash, provided by a board.
 pub trait FlashBus {
     /// Reads a register.
     fn register(&mut self, register: usize) -> u32;
@@ -75,7 +75,7 @@ pub trait FlashBus {
     fn set_word(&mut self, address: u32, value: u32);
 }
 
-/// Why flash was not changed as asked.
+/// Why flash was not changed as requested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlashError {
     /// Outside of the two blocks, or not on words or blocks.

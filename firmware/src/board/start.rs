@@ -3,8 +3,8 @@
 
 use headway_protocol::message::{Fault, FaultCause};
 
-/// Counts the starts of a controller, in a memory that a reset leaves alone. What is found there after
-/// switching on is anything.
+/// Counts the starts of a controller, in memory that a reset does not change. After power-on its
+/// contents are random.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct StartCounter {
@@ -19,7 +19,7 @@ impl StartCounter {
         Self { starts, check }
     }
 
-    /// The count of this start, from what the one before left: 1 if it left nothing.
+    /// The count of this start, from the value of the previous one: 1 if there is none.
     pub fn next(self) -> Self {
         let starts = if self.check == !self.starts {
             self.starts.wrapping_add(1)
@@ -38,8 +38,8 @@ impl StartCounter {
     }
 }
 
-/// A fault of the heaters that a reset does not make unsaid: it is latched again, until a host clears it. In a memory
-/// that a reset leaves alone; what is found there after switching on is anything.
+/// A fault of the heaters that a reset does not clear: it is latched again, until a host clears it. It is in memory
+/// that a reset does not change; after power-on its contents are random.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeptFault([u32; KEPT_WORDS]);
 
@@ -49,7 +49,7 @@ pub const KEPT_WORDS: usize = 3;
 const FAULT_BYTES: usize = 8;
 
 impl KeptFault {
-    /// What is to be kept of a latched fault: nothing of one that has no heater behind it.
+    /// The data to keep of a latched fault: none if its cause is not a heater.
     pub fn of(fault: Option<Fault>) -> Self {
         let mut bytes = [0; FAULT_BYTES];
         let kept = fault.filter(|fault| is_of_heater(fault.cause));
@@ -113,14 +113,14 @@ fn is_of_heater(cause: FaultCause) -> bool {
     )
 }
 
-/// Mixes one more word of what a memory holds before it is used into `noise` (FNV-1a by words).
+/// Mixes one more word of uninitialised memory into `noise` (FNV-1a by words).
 #[inline(always)]
 pub fn mix_noise(noise: u32, word: u32) -> u32 {
     (noise ^ word).wrapping_mul(0x0100_0193).rotate_left(5)
 }
 
-/// A session number: another one for each start, and for each chip. `noise` is what is left in memory of
-/// the run before, where a power cut has taken the counter.
+/// A session number: a different one for each start, and for each chip. `noise` is the remaining
+/// contents of memory, for when a power failure has destroyed the counter.
 pub fn session_of(starts: u32, chip: [u32; 3], noise: u32) -> u32 {
     let mixed = chip.into_iter().fold(noise, mix_noise);
     // Odd factors lose nothing: two starts of the same noise differ.
@@ -159,7 +159,7 @@ const CRYSTAL_TOLERANCE_PERCENT: u32 = 12;
 /// Timer clocks of 16 MHz, times this many Hz, in which 64 edges of the crystal divided by 16 pass.
 pub const TIMER_CLOCKS_PER_HZ: u64 = 16_000_000 * 64 * 16;
 
-/// Frequency of a crystal from so many timer clocks; `None` if there were none.
+/// Frequency of a crystal from a count of timer clocks; `None` if it is 0.
 pub fn crystal_hz(timer_clocks: u32) -> Option<u32> {
     let hz = TIMER_CLOCKS_PER_HZ.checked_div(timer_clocks.into())?;
     u32::try_from(hz).ok()

@@ -58,7 +58,8 @@ impl RotaryAxis {
 }
 
 impl AxisFamily {
-    /// The axes can point the nozzle in more than a direction: each moves what the other leaves to it.
+    /// The axes can point the nozzle in more than one direction: each contributes a rotation that the
+    /// other does not.
     pub fn is_right(&self) -> bool {
         let axes = [Some(&self.first), self.second.as_ref()];
         let are_right = axes.into_iter().flatten().all(RotaryAxis::is_right);

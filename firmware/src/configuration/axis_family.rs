@@ -31,7 +31,7 @@ pub struct AxisFamily {
 }
 
 impl AxisFamily {
-    /// The nozzle's axis that leans from Z towards X by an angle.
+    /// The nozzle's axis, tilted from Z towards X by an angle.
     pub fn leaning(tilt_rad: f64) -> [f64; 3] {
         let (sine, cosine) = libm::sincos(tilt_rad);
         [sine, 0.0, cosine]
@@ -51,19 +51,19 @@ impl AxisFamily {
         !self.first.on_table && !second_on_table
     }
 
-    /// A single axis in the head: its tool axes lie on a cone.
+    /// A single axis in the head: its tool axes form a cone.
     pub const fn is_cone(&self) -> bool {
         self.second.is_none() && !self.polar
     }
 
-    /// An upright tool axis has joints of its own: none of the axes turns about it, and it is reached.
+    /// An upright tool axis has unique joints: none of the axes turns about it, and it is reachable.
     pub fn is_determined_upright(&self) -> bool {
         let turns = |[_, _, z]: [f64; 3]| z.abs() >= UPRIGHT_MIN;
         !self.is_cone() && !self.singular_axis().is_some_and(turns)
     }
 
-    /// The direction of the tool axis in which two rotary axes line up: that of the one that turns with it. None with
-    /// a single one.
+    /// The direction of the tool axis in which two rotary axes line up: that of the one that turns with it. `None`
+    /// with a single one.
     pub fn singular_axis(&self) -> Option<[f64; 3]> {
         let (first, second) = (&self.first, self.second.as_ref()?);
         let turns_with_it = match (first.on_table, second.on_table) {

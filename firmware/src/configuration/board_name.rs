@@ -7,7 +7,7 @@
 use headway_protocol::message::{Fault, FaultCause};
 use serde::{Deserialize, Serialize};
 
-/// A board, as its maker prints it. The order is that of the record.
+/// A board, under its maker's name. The order is that of the record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BoardName {
     /// BTT Octopus v1.0.
@@ -49,7 +49,7 @@ pub const UNNAMED: Fault = Fault {
 pub enum Known {
     /// The chip or its crystal is another board's: nothing, all pins stay inputs.
     Foreign,
-    /// Several boards have this chip: what all of them use alike.
+    /// Several boards have this chip: only pins with the same use on all of them.
     Unnamed,
     /// Every pin.
     Named,

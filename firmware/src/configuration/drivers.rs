@@ -8,9 +8,9 @@ use crate::configuration::MOTORS_MAX;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Most that a TMC2209 gives, mA rms.
+/// Maximum current of a TMC2209, mA rms.
 pub const CURRENT_MAX_MA: u16 = 2000;
-/// What boards and modules have between driver and ground, mΩ.
+/// Range of the sense resistor between driver and ground on boards and modules, mΩ.
 pub const SENSE_RANGE_MOHM: core::ops::RangeInclusive<u16> = 50..=500;
 /// Node addresses, set by two pins.
 pub const ADDRESS_MAX: u8 = 3;
@@ -41,7 +41,7 @@ pub struct DriverConfiguration {
     pub sense_mohm: u16,
     /// Current while it turns, mA rms.
     pub run_ma: u16,
-    /// Current while it stands, mA rms.
+    /// Current at standstill, mA rms.
     pub hold_ma: u16,
     /// Microsteps of a full step: a power of two up to 256.
     pub microsteps: u16,
@@ -51,11 +51,11 @@ pub struct DriverConfiguration {
     pub full_steps_per_unit: f64,
     /// How the coils are driven.
     pub chopper: Chopper,
-    /// StealthChop gives way to SpreadCycle while a microstep of 1/256 takes fewer clocks of 12 MHz; 0: never.
+    /// SpreadCycle replaces StealthChop while a microstep of 1/256 takes fewer clocks of 12 MHz; 0: never.
     pub spread_below_clocks: u32,
 }
 
-/// Drivers in the motors' order; `None` for one that stands alone.
+/// Drivers in the motors' order; `None` for a stand-alone one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DriversConfiguration {
     /// At most one for each motor.
@@ -69,7 +69,7 @@ pub enum DriverItem {
     Address,
     /// Sense resistor out of [`SENSE_RANGE_MOHM`].
     Sense,
-    /// Run current 0, or above what driver and resistor give.
+    /// Run current 0, or above the range of driver and resistor.
     Run,
     /// Hold current above the run current.
     Hold,
@@ -157,7 +157,7 @@ pub fn run_range_ma(sense_mohm: u16) -> [u16; 2] {
 }
 
 impl DriverConfiguration {
-    /// The scales, in the finer range where it reaches; `None` where no range does, or the current is
+    /// The scales, in the finer range if it suffices; `None` if no range does, or the current is
     /// below the lowest scale.
     pub fn current_scale(&self) -> Option<CurrentScale> {
         let [coarse_mv, fine_mv] = FULL_SCALE_MV;
@@ -178,7 +178,7 @@ impl DriverConfiguration {
         })
     }
 
-    /// Run current that the driver really gives, mA rms.
+    /// The driver's actual run current, mA rms.
     pub fn run_given_ma(&self) -> u16 {
         self.current_scale().map_or(0, |scale| {
             current_ma(scale.run, scale.fine, self.sense_mohm)

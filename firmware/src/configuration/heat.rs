@@ -15,11 +15,11 @@ pub const HEATERS_MAX: usize = 3;
 /// Control period, s: a tenth of the shortest lag of a heater.
 pub const PERIOD_S: f32 = 0.1;
 
-/// Room that the hottest target leaves below the limit: Marlin's `HOTEND_OVERSHOOT`, five times our
-/// largest overshoot, so that regulation never trips the guard.
+/// Margin of the hottest target below the limit: Marlin's `HOTEND_OVERSHOOT`, five times our
+/// largest overshoot, so that regulation never triggers the guard.
 pub const TARGET_MARGIN_K: f32 = 15.0;
 
-/// Lowest temperature of a hot end at which melt may move where the settings say nothing, °C: Klipper's
+/// Default of the lowest temperature of a hot end at which melt may move, °C: Klipper's
 /// `min_extrude_temp` and Marlin's `EXTRUDE_MINTEMP`, below which no usual filament melts.
 pub const EXTRUDE_MIN_C: f32 = 170.0;
 
@@ -32,11 +32,11 @@ fn extrude_min_c() -> f32 {
 pub enum HeaterRole {
     /// A nozzle: melts, is cooled by flow and part fan, has a fan of its own.
     HotEnd,
-    /// What the part stands on.
+    /// The bed under the part.
     Bed,
 }
 
-/// Heat balance of what is heated: P = (T - ambient) (loss + fan loss + flow melt).
+/// Heat balance of the heated body: P = (T - ambient) (loss + fan loss + flow melt).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plant {
     /// Power at full duty, W.
@@ -45,9 +45,9 @@ pub struct Plant {
     pub loss_w_k: f32,
     /// What the part fan adds to it at full speed, W/K.
     pub fan_loss_w_k: f32,
-    /// Heat that melt takes along, J/(mm³ K).
+    /// Heat carried away by melt, J/(mm³ K).
     pub melt_j_mm3_k: f32,
-    /// Measured on this machine: only then is the power that it takes a proof of anything.
+    /// Measured on this machine: only then can its power be checked.
     pub measured: bool,
 }
 
@@ -69,13 +69,13 @@ pub struct HeaterConfiguration {
     pub role: HeaterRole,
     /// What its temperature is read with.
     pub sensor: Sensor,
-    /// Temperature above which it is switched off for good, °C.
+    /// Temperature above which it is switched off until the fault is cleared, °C.
     pub limit_c: f32,
     /// Heat balance.
     pub plant: Plant,
     /// Gains.
     pub gains: Gains,
-    /// Of a hot end: the lowest temperature at which melt may move, °C; 0 where melt does not pass it. A
+    /// Of a hot end: the lowest temperature at which melt may move, °C; 0 for other heaters. It is a
     /// section of its own in a record of settings, so that boards that do not know it can read the rest.
     #[serde(skip, default = "extrude_min_c")]
     pub extrude_min_c: f32,
@@ -86,7 +86,7 @@ pub struct HeaterConfiguration {
 pub struct HeatConfiguration {
     /// Heaters in the order of their numbers.
     pub heaters: Vec<HeaterConfiguration, HEATERS_MAX>,
-    /// The hot end's fan tells its turns.
+    /// The hot end's fan has a tachometer.
     pub fan_tells_turns: bool,
 }
 
@@ -137,12 +137,13 @@ impl HeaterConfiguration {
         extrude_min_c: EXTRUDE_MIN_C,
     };
 
-    /// The highest temperature that may be asked for, °C.
+    /// The highest permitted target, °C.
     pub fn target_max_c(&self) -> f32 {
         self.limit_c - TARGET_MARGIN_K
     }
 
-    /// The lowest temperature at which melt may move through it, °C; `None` where none passes.
+    /// The lowest temperature at which melt may move through it, °C; `None` if no melt flows
+    /// through it.
     pub fn melt_from_c(&self) -> Option<f32> {
         let passes = self.role == HeaterRole::HotEnd && self.extrude_min_c > 0.0;
         passes.then_some(self.extrude_min_c)

@@ -19,22 +19,22 @@ pub struct JointHoming {
     pub towards_max: bool,
     /// Speed of the search, mm/s or rad/s.
     pub fast_natural_s: f64,
-    /// Speed of the touch that counts, mm/s or rad/s.
+    /// Speed of the second, decisive touch, mm/s or rad/s.
     pub slow_natural_s: f64,
-    /// Way back from the switch before the touch, and from it afterwards.
+    /// Distance back from the switch before the second touch, and after it.
     pub back_off_natural: f64,
-    /// Longest way to the switch.
+    /// Longest distance to the switch.
     pub travel_max_natural: f64,
     /// Where the joint is when the switch trips; without ends: in the middle of the switch.
     pub position_natural: f64,
-    /// The switch also stops motion that runs into it at other times; never that of a joint without ends,
-    /// which passes it in every turn.
+    /// The switch also stops other motion that reaches it; never that of a joint without ends, which
+    /// passes it in every turn.
     pub guards: bool,
 }
 
 impl JointHoming {
-    /// A switch where the joint's range ends. Fast at a quarter of the speed limit, 40 mm/s or 1 rad/s at
-    /// most; slow at a tenth of that; 3 mm or 3° back. A joint without ends is searched for a turn.
+    /// A switch at the end of the joint's range. Fast at a quarter of the speed limit, 40 mm/s or 1 rad/s
+    /// at most; slow at a tenth of that; 3 mm or 3° back. A joint without ends is searched for a turn.
     pub fn usual(joint: u8, towards_max: bool, limits: &JointConfiguration) -> Self {
         let (most, back_off_natural) = if limits.rotary {
             (1.0, 3.0 * DEGREE_RAD)
@@ -68,8 +68,8 @@ impl JointHoming {
 pub struct HomingConfiguration {
     /// One entry per joint with a switch.
     pub joints: Vec<JointHoming, JOINTS_MAX>,
-    /// Joints whose switch is a mark that they pass once a turn, a bit each; those without ends are none the less. A
-    /// section of its own in a record.
+    /// Joints whose switch is a mark that they pass once per turn, one bit each; joints without ends always are. It
+    /// is a section of its own in a record.
     #[serde(skip)]
     pub marks: u8,
 }
@@ -83,7 +83,7 @@ impl HomingConfiguration {
         }
     }
 
-    /// For machines with a switch at the upper end of Z, which goes first, away from what lies on
+    /// For machines with a switch at the upper end of Z, which is homed first, away from a part on
     /// the bed, and at the lower ends of X and Y; each as [`JointHoming::usual`].
     pub fn standard(machine: &MachineConfiguration) -> Self {
         let mut joints = Vec::new();
@@ -99,7 +99,7 @@ impl HomingConfiguration {
         Self { joints, marks: 0 }
     }
 
-    /// The joint passes its switch once a turn: an index mark, of which both edges are found.
+    /// The joint passes its switch once per turn: an index mark, of which both edges are found.
     pub fn is_mark(&self, joint: u8, machine: &MachineConfiguration) -> bool {
         let limits = machine.joints.get(usize::from(joint));
         let turns = limits.is_some_and(|limits| limits.rotary);

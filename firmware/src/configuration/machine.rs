@@ -64,7 +64,7 @@ pub struct Arm {
     pub a1_mm: f64,
     /// From the elbow's axis to the forearm's, positive to the front.
     pub a2_mm: f64,
-    /// How far the arm's plane lies beside the column's axis.
+    /// Offset of the arm's plane from the column's axis.
     pub b_mm: f64,
     /// From the base to the shoulder's axis.
     pub c1_mm: f64,
@@ -175,18 +175,19 @@ pub struct ExtruderConfiguration {
     pub acceleration_max_mm3_s2: f64,
     /// K in e = V + K dV/dt.
     pub pressure_advance_s: f64,
-    /// Window over which dV/dt is smoothed (box, centred by look-back: see flow/mod.rs).
+    /// Window over which dV/dt is smoothed (a moving average of the past, centred by the delay: see
+    /// flow/mod.rs).
     pub pressure_advance_window_ms: f64,
 }
 
-/// The whole machine as the firmware sees it.
+/// The complete machine for the firmware.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MachineConfiguration {
     /// Equations of motion.
     pub kinematics: Kinematics,
-    /// Joints in the kinematics' order (`planar`: X Y Z C; `gantry`: X Y Z A B C; `trunnion`: X Y Z A C
-    /// H; `arm6`: 1 to 6 and, where there is one, the nozzle's; `axes`: X Y Z, the rotary ones and H, with C in
-    /// the place of Y at a polar table).
+    /// Joints in the kinematics' order (`planar`: X Y Z C; `gantry`: X Y Z A B C; `trunnion`: X Y Z A C H;
+    /// `arm6`: 1 to 6 and the nozzle's, if any; `axes`: X Y Z, the rotary ones and H, with C instead of Y for a
+    /// polar table).
     pub joints: Vec<JointConfiguration, JOINTS_MAX>,
     /// The joints' input shapers, in the joints' order.
     pub shapers: [Shaper; JOINTS_MAX],
@@ -196,8 +197,8 @@ pub struct MachineConfiguration {
     pub servo_hz: u32,
     /// Step interrupt rate, a multiple of `servo_hz`.
     pub step_hz: u32,
-    /// How motors follow joints. Not in the bytes of machines without it, which stay what they were, and never read
-    /// from them: a section of its own in a record.
+    /// How motors follow joints. It is not in the bytes of machines without it, which are unchanged, and never read
+    /// from them: it is a section of its own in a record.
     #[serde(skip_deserializing, skip_serializing_if = "MotorMatrix::is_direct")]
     pub motors: MotorMatrix,
 }
@@ -217,11 +218,11 @@ pub enum ConfigurationError {
     /// A number of this joint is not finite, not positive where it must be, or out of range; the
     /// extruder counts as the last joint.
     Joint(usize),
-    /// A length of the kinematics is not finite or not positive where it must be, or axes of a frame
+    /// A length of the kinematics is not finite or not positive where required, or axes of a frame
     /// are not at right angles.
     Kinematics,
-    /// The input shaper of this joint: a frequency or damping that is none, one so low that it does not
-    /// fit the controller, or an acceleration for which it is.
+    /// The input shaper of this joint: an invalid frequency or damping, or a frequency too low for the
+    /// controller, by itself or for the joint's acceleration.
     Shaper(usize),
     /// A pair of motors or a copy names joints that do not fit, or there are too many motors.
     Motors,
@@ -263,14 +264,15 @@ impl MachineConfiguration {
         self.step_hz.checked_div(self.servo_hz).unwrap_or(0)
     }
 
-    /// What tells two machines apart. The joint solution is no part of it: jobs choose theirs.
+    /// Identifies a machine. The joint solution is not part of it: jobs choose theirs.
     pub fn hash(&self) -> u32 {
         let mut machine = self.clone();
         machine.kinematics = machine.kinematics.with_solution(0);
         headway_protocol::frame::hash_of(&machine)
     }
 
-    /// The same machine with a motor for each joint: what others than its motors are written as.
+    /// The same machine with a motor for each joint, as written to the record apart from its
+    /// motors.
     #[must_use]
     pub fn without_motors(&self) -> Self {
         Self {
@@ -298,7 +300,7 @@ impl MachineConfiguration {
 pub type WrongNumber = (u8, f64);
 
 impl JointConfiguration {
-    /// It turns without an end: its range is none, or beyond what counts of steps hold.
+    /// It turns without an end: it has no range, or one beyond the range of step counts.
     pub fn is_endless(&self) -> bool {
         let range_steps = (self.position_max - self.position_min) * self.steps_per_unit;
         self.rotary && range_steps >= f64::from(i32::MAX)

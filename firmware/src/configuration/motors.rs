@@ -31,7 +31,7 @@ pub struct MotorPair {
 }
 
 impl MotorPair {
-    /// What the two motors move by where the joints move by `joints`, in the pair's order.
+    /// Displacements of the two motors for the displacements `joints`, in the pair's order.
     pub fn motors_of(&self, joints: &[f64; JOINTS_MAX]) -> [f64; 2] {
         let [a, b] = self
             .joints

@@ -14,17 +14,17 @@ pub const INPUTS_MAX: u8 = 16;
 /// Inputs and motors, as they are wired.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Wiring {
-    /// A bit for each motor that turns the other way.
+    /// One bit for each reversed motor.
     pub reversed_motors: u8,
     /// Input of each joint's switch, or [`NO_INPUT`].
     pub switch_inputs: [u8; JOINTS_MAX],
     /// Emergency input; `None`: the board's own.
     pub emergency_input: Option<u8>,
-    /// A bit for each input that is low while pressed: normally open to ground.
+    /// One bit for each input that is low while pressed: normally open to ground.
     pub open_inputs: u16,
-    /// The probe's; `None`: that of Z's switch, which the probe then is.
+    /// The probe's; `None`: that of Z's switch, which is then the probe.
     pub probe_input: Option<u8>,
-    /// The probe has a pin that goes out and in by servo pulses (BLTouch).
+    /// The probe has a pin that servo pulses deploy and stow (BLTouch).
     pub probe_servo: bool,
 }
 
@@ -33,7 +33,7 @@ pub struct Wiring {
 pub struct BoardInputs {
     /// How many it has.
     pub count: u8,
-    /// The emergency input, where the settings name none.
+    /// The default emergency input.
     pub emergency: u8,
     /// A bit for each that may be the emergency input: those whose edges interrupt.
     pub emergency_mask: u16,
@@ -42,11 +42,11 @@ pub struct BoardInputs {
 /// What of a wiring cannot be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WrongWiring {
-    /// Input of this joint's switch: it is the emergency input, or none of the board.
+    /// Input of this joint's switch: it is the emergency input, or not on the board.
     Switch(usize),
-    /// The emergency input: none of the board, or without an interrupt.
+    /// The emergency input: not on the board, or without an interrupt.
     Emergency,
-    /// The probe's input: it is the emergency input, or none of the board.
+    /// The probe's input: it is the emergency input, or not on the board.
     Probe,
 }
 

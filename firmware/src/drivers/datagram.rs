@@ -48,7 +48,7 @@ pub fn write(address: u8, register: u8, value: u32) -> [u8; WRITE_BYTES] {
     [SYNC, address, register, a, b, c, d, crc]
 }
 
-/// What a reply says of this register; `None` where a bit of it is wrong.
+/// The value of this register in a reply; `None` if any bit of it is wrong.
 pub fn reply(bytes: &[u8; WRITE_BYTES], register: u8) -> Option<u32> {
     let [sync, to, of, a, b, c, d, crc] = *bytes;
     let is_right =

@@ -17,9 +17,9 @@ const ALL_EVENTS: u32 = 0b111;
 /// Why a driver is not as it should be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinkError {
-    /// Nothing came.
+    /// No answer.
     Silent,
-    /// What came was never right.
+    /// No answer was valid.
     Noise,
     /// It does not count this register's write.
     NotTaken(u8),
@@ -98,10 +98,10 @@ impl<'a, P: DriverPort> DriverLink<'a, P> {
         Err(LinkError::NotTaken(register))
     }
 
-    /// Sets the driver up and reads back what can be read.
+    /// Sets the driver up and reads back its readable registers.
     ///
     /// # Errors
-    /// The first thing that is wrong; what was written before it stays.
+    /// The first failure; earlier writes remain.
     pub fn set_up(&mut self, driver: &DriverConfiguration) -> Result<(), LinkError> {
         let settings = settings(driver).ok_or(LinkError::Unfit)?;
         let [version, ..] = self.read(IOIN)?.to_be_bytes();

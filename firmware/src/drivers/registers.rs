@@ -9,7 +9,7 @@ use crate::configuration::drivers::{Chopper, DriverConfiguration};
 pub const GCONF: u8 = 0x00;
 /// What has happened; a one clears.
 pub const GSTAT: u8 = 0x01;
-/// Counts writes that were taken.
+/// Counts accepted writes.
 pub const IFCNT: u8 = 0x02;
 /// Delay of replies.
 pub const NODECONF: u8 = 0x03;
@@ -17,9 +17,9 @@ pub const NODECONF: u8 = 0x03;
 pub const IOIN: u8 = 0x06;
 /// Currents.
 pub const IHOLD_IRUN: u8 = 0x10;
-/// Time until it holds.
+/// Time until the hold current.
 pub const TPOWERDOWN: u8 = 0x11;
-/// Speed above which StealthChop gives way.
+/// Speed above which StealthChop is off.
 pub const TPWMTHRS: u8 = 0x13;
 /// Chopper.
 pub const CHOPCONF: u8 = 0x6c;
@@ -30,7 +30,7 @@ pub const PWMCONF: u8 = 0x70;
 
 /// Of IOIN's top byte.
 pub const VERSION: u8 = 0x21;
-/// GSTAT: it has started anew, so that its settings are gone,
+/// GSTAT: it has restarted, so that its settings are lost,
 pub const WAS_RESET: u32 = 1;
 /// it switched off for heat or a short,
 pub const DRIVER_ERROR: u32 = 1 << 1;
@@ -44,7 +44,7 @@ pub const HOT: u32 = 1 << 1;
 pub const SHORTS: u32 = 0b1111 << 2;
 /// a coil that no current flows through.
 pub const OPEN_LOADS: u32 = 0b11 << 6;
-/// The motor stands: only then an open load means nothing.
+/// The motor is at standstill: only then an open load has no meaning.
 pub const STANDS: u32 = 1 << 31;
 
 /// UART alone: the pin that is the wire does not switch it off, microsteps come from the register, and their
@@ -76,7 +76,7 @@ pub struct Setting {
 /// Settings of a driver.
 pub const SETTINGS: usize = 7;
 
-/// What is written, in order; `None` where no range of the current reaches.
+/// The writes, in order; `None` if no current range suffices.
 pub fn settings(driver: &DriverConfiguration) -> Option<[Setting; SETTINGS]> {
     let scale = driver.current_scale()?;
     let spread = match driver.chopper {

@@ -111,7 +111,7 @@ impl DriverService {
         true
     }
 
-    /// Asks the next driver, or sets it up where it is not.
+    /// Queries the next driver, or sets it up if necessary.
     pub fn turn(&mut self, port: &mut impl DriverPort) {
         // Those that stand alone are passed over.
         for _ in 0..self.drivers.len() {
@@ -127,7 +127,7 @@ impl DriverService {
         }
     }
 
-    /// Tells the motion what was found: faults come to rest on the path.
+    /// Reports the results to the motion: after a fault it comes to rest on the path.
     pub fn tell(&self, motion: &mut Motion) {
         let found = self
             .drivers

@@ -22,7 +22,7 @@ pub fn event_peaks(volume_mm3: f64, duration_s: f64) -> [f64; 2] {
     [rate, acceleration]
 }
 
-/// The larger share of the extruder's limits, rate or acceleration, that a prime or retract takes by
+/// The larger share of the extruder's limits, rate or acceleration, that a prime or retract uses by
 /// itself.
 pub fn event_ratio(extruder: &ExtruderConfiguration, volume_mm3: f64, duration_s: f64) -> f64 {
     let [rate, acceleration] = event_peaks(volume_mm3, duration_s);
@@ -79,7 +79,8 @@ impl ExtruderGuard {
         }
     }
 
-    /// True if the ways of the newest servo tick and the one before are what a plan may ask.
+    /// True if the displacements of the newest servo tick and the previous one are within the
+    /// limits of a plan.
     #[inline(always)]
     pub fn is_kept(&self, ways: [i32; 2]) -> bool {
         // Both bounds at once: |a| <= b where a + b, as an unsigned number, is at most 2 b.

@@ -10,7 +10,7 @@ use headway_protocol::segment::{FlowAction, FlowEvent};
 enum Melt {
     /// Where the stream has it.
     AsPlanned,
-    /// Pulled back by the hold.
+    /// Retracted by the hold.
     Retracted,
     /// Being pushed again.
     Priming,
@@ -65,7 +65,7 @@ impl Hold {
         })
     }
 
-    /// The stream is given up where the head rests: gives the retract, once.
+    /// The stream is abandoned while the head rests: returns the retract, once.
     pub fn leave(&mut self, flow_active: bool) -> Option<FlowEvent> {
         if flow_active || self.melt != Melt::AsPlanned {
             return None;

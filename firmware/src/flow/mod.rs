@@ -76,8 +76,8 @@ pub struct Flow {
     settled_exact: ScaledUnits,
 }
 
-/// V over the last window and wait, 2^-16 steps, wrapping: large, and so it lies elsewhere than what every
-/// tick uses.
+/// V over the last window and delay, 2^-16 steps, wrapping: large, and so stored apart from the data of
+/// every tick.
 #[derive(Clone, Debug)]
 pub struct FlowWindow {
     rows: [i32; WINDOW_ROWS],
@@ -170,13 +170,13 @@ impl Flow {
         }
     }
 
-    /// Flow override in per cent; the change takes its time.
+    /// Flow override in per cent; the change is gradual.
     pub fn set_override(&mut self, percent: u16) {
         let wanted_q16 = (u32::from(percent) * UNSCALED_Q16 + 50) / 100;
         self.scaling.ask(wanted_q16);
     }
 
-    /// Flow override asked for, per cent.
+    /// Requested flow override, per cent.
     pub fn override_percent(&self) -> u16 {
         ((self.scaling.wanted_q16 * 100 + UNSCALED_Q16 / 2) / UNSCALED_Q16) as u16
     }
@@ -187,12 +187,12 @@ impl Flow {
         self.scaling.factor_q16
     }
 
-    /// Takes this scale for the volumes of the events to come. Only at rest.
+    /// Uses this scale for the volumes of coming events. Only at rest.
     pub fn take_scale(&mut self, scale: StepScale) {
         self.scale = scale;
     }
 
-    /// Declares where the deposited volume is, with no event behind it. Only at rest.
+    /// Declares the deposited volume, without an active event. Only at rest.
     pub fn declare(&mut self, window: &mut FlowWindow, place: Target) {
         self.active.clear();
         self.settled_exact = ScaledUnits::default();
@@ -206,8 +206,8 @@ impl Flow {
         self.begin_at(event, 0)
     }
 
-    /// The same after its target, in which nothing has moved yet: so a tick that begins an event need not
-    /// compute it.
+    /// The same after the tick's target, in which nothing has moved yet: so a tick that begins an event
+    /// need not compute it.
     pub fn begin_after_target(&mut self, event: &FlowEvent) -> bool {
         self.begin_at(event, 1)
     }
@@ -243,7 +243,7 @@ impl Flow {
         self.length as u32
     }
 
-    /// Stops all events where they are: what they have moved so far stays moved.
+    /// Stops all events at once, keeping the volume moved so far.
     pub fn cut(&mut self) {
         if self.active.is_empty() {
             return;
@@ -257,8 +257,8 @@ impl Flow {
         self.settled = Target::of_distance(self.settled_exact.position);
     }
 
-    /// Target of this servo tick, but for the advance, and the advance, 2^-22 steps; `planned` is where V
-    /// is. To be called exactly once per servo tick.
+    /// Target of this servo tick without the advance, and the advance, 2^-22 steps; `planned` is the
+    /// current V. To be called exactly once per servo tick.
     #[inline(always)]
     pub fn target(&mut self, window: &mut FlowWindow, planned: Target) -> (Target, i64) {
         let mut place = planned;

@@ -47,15 +47,15 @@ const POWER_SURPLUS_SHARE: f32 = 0.25;
 pub enum HeatCause {
     /// The sensor's wire is broken.
     SensorOpen,
-    /// The sensor's wires touch.
+    /// The sensor is shorted.
     SensorShorted,
     /// The converter gives no numbers.
     SensorSilent,
-    /// The converter gives always the same number.
+    /// The converter always gives the same number.
     SensorFrozen,
     /// Above the heater's limit.
     OverTemperature,
-    /// Below what can be at a heater.
+    /// Below any possible temperature of a heater.
     UnderTemperature,
     /// It does not get warmer as fast as it should.
     HeatingSlow,
@@ -63,7 +63,7 @@ pub enum HeatCause {
     Drift,
     /// It gets warmer while it is off.
     HeaterStuck,
-    /// It takes another power than this temperature does.
+    /// Its power does not match this temperature.
     PowerMismatch,
     /// No host was heard for too long.
     HostSilent,
@@ -90,7 +90,7 @@ pub struct HeatFault {
     pub value: i32,
 }
 
-/// What a guard looks at.
+/// The data that a guard checks.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     /// Temperature, °C, or why there is none.
@@ -101,17 +101,17 @@ pub struct View {
     pub target_c: f32,
     /// Duty of the period that is over.
     pub duty: f32,
-    /// What the heat balance expected of it.
+    /// The power expected from the heat balance.
     pub expected: f32,
 }
 
 /// Where a heater is on its way to the target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Approach {
-    /// Not on its way: there, or given up.
+    /// Not heating up: at the target, or given up.
     #[default]
     Over,
-    /// On its way: must come to `goal_c` within `left_s`; `first` until it has gained anything.
+    /// Heating up: must reach `goal_c` within `left_s`; `first` until its temperature has risen.
     Under {
         goal_c: f32,
         left_s: f32,
@@ -163,7 +163,7 @@ impl Default for Guard {
 }
 
 impl Guard {
-    /// One period: what is wrong, if anything.
+    /// One period: the fault, if any.
     pub fn tick(&mut self, heater: &HeaterConfiguration, view: &View) -> Option<HeatCause> {
         let heats = view.target_c > 0.0;
         let reading_c = match self.readable(heater, view, heats) {

@@ -32,10 +32,10 @@ use pwm::{CHANNELS, Schedule};
 use regulator::{HeatLoad, Regulator};
 use samples::Samples;
 
-/// Time that no host may be heard while something heats, s. Klipper's `MAX_HEAT_TIME` is 5 s, because its
+/// Longest silence of the host while a heater is on, s. Klipper's `MAX_HEAT_TIME` is 5 s, because its
 /// host regulates; here the board does, and the time is that in which a person starts the next command.
 pub const HOST_SILENT_S: f32 = 30.0;
-/// Rest in a pause after which hot ends wait cooler, s: shorter ones are not worth the wait afterwards.
+/// Rest in a pause after which hot ends are cooled down, s: for a shorter one reheating takes too long.
 pub const STANDBY_AFTER_S: f32 = 60.0;
 /// How much cooler, K: PLA at 210 °C stops oozing and does not cook.
 pub const STANDBY_K: f32 = 50.0;
@@ -47,7 +47,7 @@ const READY_SLOPE_K_S: f32 = 0.3;
 /// retracts meanwhile.
 const SUPPLY_CUT_S: f32 = 2.0;
 
-/// What the machine asks for and does, for a period.
+/// Requests and state of the machine for a period.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Orders {
     /// Targets, °C; 0 is off.
@@ -56,7 +56,7 @@ pub struct Orders {
     pub part_fan: f32,
     /// Melt that flows, mm³/s.
     pub flow_mm3_s: f32,
-    /// The drivers hold their motors.
+    /// The drivers are energised.
     pub drivers_on: bool,
     /// A host was heard since the last period.
     pub host_heard: bool,
@@ -77,7 +77,7 @@ pub struct Outputs {
     pub fans: FanSpeeds,
     /// Only without its supply does the heater stop.
     pub cut_supply: bool,
-    /// Heaters that are not yet at what was asked for: a mask.
+    /// Heaters that are not yet at their target: a mask.
     pub not_ready: u8,
 }
 
@@ -325,7 +325,7 @@ impl Heat {
         self.fault
     }
 
-    /// Begins anew, all off; what was wrong and still is trips again.
+    /// Restarts with all off; a persisting cause trips again.
     pub fn clear_fault(&mut self) {
         self.fault = None;
         self.stays_on = false;
@@ -353,7 +353,7 @@ impl Heat {
             .map_or(0.0, |heater| heater.target_c)
     }
 
-    /// Duty of the period to come, 0 to 1.
+    /// Duty of the next period, 0 to 1.
     pub fn duty(&self, heater: usize) -> f32 {
         self.heaters.get(heater).map_or(0.0, |heater| heater.duty)
     }

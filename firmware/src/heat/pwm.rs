@@ -78,7 +78,7 @@ pub struct SoftPwm {
 }
 
 impl SoftPwm {
-    /// Takes a schedule over for the periods to come; it begins where the present one ends.
+    /// Uses a schedule for the next periods; it begins at the end of the current one.
     pub fn load(&mut self, schedule: &Schedule) {
         self.next.clone_from(schedule);
         self.has_next = true;

@@ -18,7 +18,7 @@ const INTEGRAL_BAND_K: f32 = 10.0;
 /// The most that the integral may add or take of full duty: what a heat balance can be wrong by.
 const INTEGRAL_MAX: f32 = 0.5;
 
-/// What takes heat from a hot end.
+/// Heat losses of a hot end.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HeatLoad {
     /// Part fan, 0 to 1.

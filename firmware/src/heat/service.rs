@@ -20,7 +20,7 @@ pub struct HeatService {
 }
 
 impl HeatService {
-    /// All off; the motion is told which heaters there are.
+    /// All off; gives the motion the list of heaters.
     pub fn new(
         machine: &MachineConfiguration,
         heat: &HeatConfiguration,
@@ -46,7 +46,7 @@ impl HeatService {
         &self.heat
     }
 
-    /// What is to be put out from now on, once in a period; `None` between.
+    /// The outputs from now on, once per period; `None` in between.
     pub fn serve(&mut self, motion: &mut Motion, fan_turns: u8) -> Option<Outputs> {
         let orders = self.take_orders(motion, fan_turns)?;
         let outputs = self.tick(&orders);
@@ -54,8 +54,8 @@ impl HeatService {
         Some(outputs)
     }
 
-    /// What the motion asks for in the period that begins now; `None` between. Copies, as [`Self::tell`] does:
-    /// a board locks the motion for these and not for [`Self::tick`].
+    /// The motion's requests for the period that begins now; `None` in between. They are copied, as in
+    /// [`Self::tell`]: a board locks the motion for these and not for [`Self::tick`].
     pub fn take_orders(&mut self, motion: &mut Motion, fan_turns: u8) -> Option<Orders> {
         let now_ticks = motion.now_ticks();
         if now_ticks < self.next_ticks {
@@ -83,7 +83,7 @@ impl HeatService {
         self.heat.tick(orders)
     }
 
-    /// Tells the motion what came of it.
+    /// Reports the result to the motion.
     pub fn tell(&self, motion: &mut Motion, outputs: &Outputs) {
         if let Some(fault) = self.heat.fault() {
             motion.fail_softly(fault.into());

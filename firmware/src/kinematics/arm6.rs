@@ -104,11 +104,11 @@ impl<R: Real> Arm6<R> {
         }
     }
 
-    /// The joints' angles, rad; of a nozzle joint what is added to the heading: nothing.
+    /// The joints' angles, rad; for a nozzle joint 0, the difference to the heading.
     ///
     /// # Errors
-    /// [`KinematicsError::TiltOutOfReach`] beyond 150°, [`KinematicsError::OutOfReach`] where the arm is
-    /// too short or too long, [`KinematicsError::Singular`] where it is stretched or the wrist straight.
+    /// [`KinematicsError::TiltOutOfReach`] beyond 150°, [`KinematicsError::OutOfReach`] if the arm is
+    /// too short or too long, [`KinematicsError::Singular`] if it is stretched or the wrist straight.
     #[inline(never)]
     pub fn remainder(&self, pose: &Pose<R>) -> Result<[R; JOINTS_MAX], KinematicsError> {
         let tilt = pose.tilt_rad;
@@ -224,7 +224,7 @@ impl<R: Real> Arm6<R> {
         })
     }
 
-    /// Pose of the joints; the heading comes back within half a turn, unless a nozzle joint has it.
+    /// Pose of the joints; the heading is within half a turn, unless there is a nozzle joint.
     pub fn forward(&self, joints: &[R; JOINTS_MAX]) -> Pose<R> {
         let mut theta = [R::of(0.0); 6];
         for (index, angle) in theta.iter_mut().enumerate() {

@@ -32,9 +32,9 @@ use crate::numbers::real::Real;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::{Vector2, Vector3};
 
-/// Both axes in the head: X Y Z follow the tip but for what the tilt adds.
+/// Both axes in the head: X Y Z follow the tip except for the tilt's contribution.
 pub const TWO_IN_HEAD: [Option<usize>; 6] = super::gantry::JOINT_CHANNELS;
-/// An axis under the part: X Y Z follow the whole pose.
+/// An axis under the part: X Y Z follow the complete pose.
 pub const TWO_WITH_TABLE: [Option<usize>; 6] =
     [None, None, None, None, None, Some(CHANNEL_HEADING)];
 /// A single axis in the head.

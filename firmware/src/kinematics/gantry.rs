@@ -11,7 +11,7 @@ use crate::numbers::real::Real;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::Vector3;
 
-/// X Y Z follow the tip, C follows the heading; A and B come from the tilt alone.
+/// X Y Z follow the tip, C follows the heading; A and B follow only from the tilt.
 pub const JOINT_CHANNELS: [Option<usize>; 6] = [
     Some(CHANNEL_X),
     Some(CHANNEL_Y),

@@ -68,7 +68,7 @@ impl<R> Joints<R> {
 }
 
 impl Kinematics {
-    /// How many joint solutions a pose has.
+    /// Number of joint solutions of a pose.
     pub const fn solutions(&self) -> u8 {
         match self {
             Self::Planar | Self::Gantry { .. } => 1,
@@ -116,7 +116,7 @@ pub const fn winds(kinematics: &Kinematics) -> u8 {
     }
 }
 
-/// True where joints depend on the whole pose, not on the tilt alone.
+/// True if joints depend on the complete pose, not only on the tilt.
 pub const fn follows_pose(kinematics: &Kinematics) -> bool {
     match kinematics {
         Kinematics::Planar | Kinematics::Gantry { .. } => false,
@@ -229,7 +229,7 @@ pub fn inverse<R: Real>(
     })
 }
 
-/// Pose of joint positions. The heading comes back unwrapped, as it was, but for arms whose flange
+/// Pose of joint positions. The heading is unwrapped, as in the input, except for arms whose flange
 /// turns it: there it is within half a turn.
 pub fn forward<R: Real>(kinematics: &Kinematics, joints: &[R; JOINTS_MAX]) -> Pose<R> {
     Model::new(kinematics).forward(joints)

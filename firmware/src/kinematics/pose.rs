@@ -14,10 +14,11 @@ use nalgebra::{RealField, Rotation3, Vector2, Vector3};
 pub const TILT_MAX_RAD: f64 = 150.0 * core::f64::consts::PI / 180.0;
 /// What the rounding of a file may add to it: a unit vector of four digits is off by up to 0.09 mrad.
 pub const TILT_ROUNDING_RAD: f64 = 1e-4;
-/// Largest tilt that has joints: what interpolation and a fit within 0.1 mrad make of the largest one is not refused.
+/// Largest tilt that has joints: the largest permitted one plus the errors of interpolation and of a fit within 0.1
+/// mrad.
 pub const TILT_REACH_RAD: f64 = TILT_MAX_RAD + 5.0 * TILT_ROUNDING_RAD;
 
-/// Where the nozzle is and how it is turned.
+/// Position and orientation of the nozzle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose<R: Real> {
     /// Nozzle tip, mm.

@@ -41,7 +41,7 @@ impl<R: Real> Trunnion<R> {
         }
     }
 
-    /// X Y Z A C and what C adds to H, mm and rad.
+    /// X Y Z A C and the contribution of C to H, mm and rad.
     ///
     /// # Errors
     /// [`KinematicsError::TiltOutOfReach`] beyond 150°.

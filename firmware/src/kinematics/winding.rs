@@ -67,7 +67,7 @@ impl<R: Real> Winding<R> {
         self.turns[joint]
     }
 
-    /// All joints of now, turns added; joints that do not wind stay as they are.
+    /// All current joints, with turns added; joints that do not wind are unchanged.
     pub fn unwound(&mut self, kinematics: &Kinematics, joints: &mut [R; JOINTS_MAX]) {
         let winds = winds(kinematics);
         for (index, joint) in joints.iter_mut().enumerate() {

@@ -107,7 +107,7 @@ impl Receiver {
         taken.map_err(RefusalReason::Settings)
     }
 
-    /// The settings in force came from a record with this CRC; 0: they are built in.
+    /// The active settings came from a record with this CRC; 0: they are built in.
     pub fn settings_in_force(&mut self, hash: u32) {
         self.settings_hash = hash;
     }
@@ -117,8 +117,8 @@ impl Receiver {
         self.settings.keep(board);
     }
 
-    /// Stores settings that have come, if there are any: to be called after [`Self::apply`] and before
-    /// reports are asked for, with what writes a record and tells whether it is there now.
+    /// Stores received settings, if there are any: to be called after [`Self::apply`] and before
+    /// reports are requested, with a function that writes a record and returns whether it succeeded.
     pub fn store_settings(&mut self, put: impl FnOnce(&[u8]) -> bool) {
         let stored = self.settings.take().map(put);
         if stored == Some(false) {

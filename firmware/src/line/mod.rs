@@ -49,7 +49,7 @@ enum Content {
     Flow(FlowEvent),
     Finish(Finish),
     Control(Control),
-    /// A stream frame that cannot be what the host meant, although its CRC is right.
+    /// A stream frame that the host cannot have intended, although its CRC is valid.
     Damaged,
     /// Anything else of that kind.
     Unreadable(MessageClass),
@@ -163,13 +163,14 @@ impl Receiver {
         }
     }
 
-    /// Where reports go: the line on which a valid frame came last, whatever else was heard since.
+    /// Line for reports: the one on which the last valid frame arrived, whatever else arrived
+    /// since.
     pub fn line(&self) -> usize {
         self.line
     }
 
-    /// Takes one byte of a line (0 or [`SECOND_LINE`]). Frames that are damaged are dropped: the host
-    /// sends them again. A block of knots makes the receiver busy ([`Self::is_busy`]).
+    /// Receives one byte of a line (0 or [`SECOND_LINE`]). Damaged frames are dropped: the host sends
+    /// them again. A block of knots makes the receiver busy ([`Self::is_busy`]).
     pub fn receive(&mut self, line: usize, byte: u8) -> Option<Request> {
         let frame = self.decoders.get_mut(line)?.push(byte)?.ok()?;
         self.line = line;

@@ -6,7 +6,7 @@ use super::Receiver;
 use headway_protocol::frame::FRAME_BYTES_MAX;
 use headway_protocol::message::DeviceMessage;
 
-/// A report on its way out. A host that does not listen holds it up, never the rest.
+/// A report that is being sent. A host that does not listen blocks this report, nothing else.
 #[derive(Clone, Debug)]
 pub struct Outgoing {
     frame: [u8; FRAME_BYTES_MAX],
@@ -30,7 +30,7 @@ impl Outgoing {
         }
     }
 
-    /// What is to be sent now; gets the next report, which `report` takes of the receiver, when the last one is out.
+    /// The bytes to send now; gets the next report from the receiver by `report` when the last one has been sent.
     #[inline(always)]
     pub fn pending(
         &mut self,
@@ -46,7 +46,7 @@ impl Outgoing {
         self.frame.get(self.sent..self.length).unwrap_or_default()
     }
 
-    /// So many bytes of it are out.
+    /// A number of bytes have been sent.
     pub fn sent(&mut self, bytes: usize) {
         self.sent += bytes;
     }

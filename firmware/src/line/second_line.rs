@@ -23,7 +23,7 @@ impl Receiver {
         }
     }
 
-    /// Tells a second line what the `first` one streams.
+    /// Copies the state of the `first` line's stream to a second line.
     pub fn watch(&mut self, first: &Receiver, motion: &Motion) {
         if self.watched.is_some() {
             self.watched = Some(Watched(first.open_stream(motion)));
@@ -31,8 +31,8 @@ impl Receiver {
         }
     }
 
-    /// The hosts at the ends of two lines change places: each goes on with its own numbering, where the other one
-    /// was. Streams and settings stay.
+    /// Exchanges the hosts of two lines: each continues with its own numbering, in the other one's role. Streams
+    /// and settings stay.
     pub fn exchange_hosts(&mut self, other: &mut Receiver) {
         use core::mem::swap;
         swap(&mut self.decoders, &mut other.decoders);
@@ -85,7 +85,8 @@ impl Content {
 }
 
 impl Request {
-    /// True for what only the host on the first line may ask: on a second one it is refused.
+    /// True for requests that only the host on the first line may make: on a second one they are
+    /// refused.
     pub fn needs_the_line(&self) -> bool {
         self.content.needs_the_line()
     }

@@ -41,7 +41,8 @@ pub(super) struct Unpacking {
 }
 
 impl Receiver {
-    /// True while [`Self::work`] and [`Self::deliver`] are to be called, and no more bytes may come.
+    /// True while [`Self::work`] and [`Self::deliver`] have to be called, and no more bytes may be
+    /// received.
     pub fn is_busy(&self) -> bool {
         self.unpacking.is_some()
     }

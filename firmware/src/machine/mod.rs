@@ -79,8 +79,8 @@ impl Machine {
         })
     }
 
-    /// Whether a machine of these can be run: for boards, which build its parts where each lives, in
-    /// an interrupt of its own.
+    /// Whether a machine with these configurations can be run: for boards, which build its parts in
+    /// the interrupts that own them.
     ///
     /// # Errors
     /// [`ConfigurationError`] where either configuration cannot be run.
@@ -107,7 +107,7 @@ impl Machine {
         self.receiver.keep_settings(board);
     }
 
-    /// Where the settings in force came from, see [`Receiver::settings_in_force`].
+    /// Origin of the active settings, see [`Receiver::settings_in_force`].
     pub fn settings_in_force(&mut self, hash: u32) {
         self.receiver.settings_in_force(hash);
     }
@@ -117,7 +117,7 @@ impl Machine {
         self.servo.motion_mut().fit_probe_pin(pin);
     }
 
-    /// Looks after the drivers, where it is their turn: to be called again and again.
+    /// Serves the drivers when it is their turn: to be called repeatedly.
     pub fn serve_drivers(&mut self, service: &mut DriverService, port: &mut impl DriverPort) {
         if service.is_due(self.servo.motion()) {
             service.turn(port);
@@ -131,12 +131,12 @@ impl Machine {
         service.tell(self.servo.motion_mut());
     }
 
-    /// Stores settings that have come, see [`Receiver::store_settings`].
+    /// Stores received settings, see [`Receiver::store_settings`].
     pub fn store_settings(&mut self, put: impl FnOnce(&[u8]) -> bool) {
         self.receiver.store_settings(put);
     }
 
-    /// Takes bytes from a second line ([`Receiver::watching`]).
+    /// Receives bytes from a second line ([`Receiver::watching`]).
     pub fn handle_watcher(&mut self, watcher: &mut Receiver, bytes: &[u8]) {
         watcher.watch(&self.receiver, self.servo.motion());
         for &byte in bytes {
@@ -147,8 +147,8 @@ impl Machine {
         stop_if_due(self.servo.motion_mut(), &mut self.player);
     }
 
-    /// Takes a byte of the first line, and returns what it completes, for [`Self::apply`]. A block of knots is handed
-    /// over at once.
+    /// Receives a byte of the first line, and returns the request that it completes, for [`Self::apply`]. A block of
+    /// knots is handed over at once.
     pub fn push(&mut self, byte: u8) -> Option<Request> {
         let request = self.receiver.receive(0, byte);
         if self.receiver.is_busy() {
@@ -158,25 +158,25 @@ impl Machine {
         request
     }
 
-    /// Hands over what the host on the first line asks.
+    /// Hands over a request of the host on the first line.
     pub fn apply(&mut self, request: Request) {
         self.receiver.apply(request, self.servo.motion_mut());
         stop_if_due(self.servo.motion_mut(), &mut self.player);
     }
 
-    /// Hands over what a host on a second line asks.
+    /// Hands over a request of a host on a second line.
     pub fn apply_watcher(&mut self, watcher: &mut Receiver, request: Request) {
         watcher.watch(&self.receiver, self.servo.motion());
         watcher.apply(request, self.servo.motion_mut());
         stop_if_due(self.servo.motion_mut(), &mut self.player);
     }
 
-    /// The hosts on the first line and on a second one change places, see [`Receiver::exchange_hosts`].
+    /// Exchanges the hosts on the first line and on a second one, see [`Receiver::exchange_hosts`].
     pub fn exchange_hosts(&mut self, watcher: &mut Receiver) {
         self.receiver.exchange_hosts(watcher);
     }
 
-    /// The next report for a second line, as [`Self::poll_report`].
+    /// The next report for a second line, like [`Self::poll_report`].
     pub fn poll_watcher(&self, watcher: &mut Receiver, out: &mut [u8]) -> usize {
         watcher.poll_report(self.servo.motion(), out)
     }
@@ -192,7 +192,7 @@ impl Machine {
         self.servo.motion_mut().look_ahead();
     }
 
-    /// One round of the main loop with a servo tick and all its step ticks in it: as a board goes round.
+    /// One round of the main loop with a servo tick and all its step ticks in it, as on a board.
     pub fn round<O: StepOutput>(&mut self, output: &mut O, around: &mut impl Surroundings) {
         let mut turns = Turns {
             servo: &mut self.servo,
@@ -215,7 +215,7 @@ impl Machine {
         self.player.run_interval(output);
     }
 
-    /// The step ticks of an interval whose servo tick was made, at once.
+    /// All step ticks of an interval whose servo tick was made, at once.
     pub fn run_step_interval<O: StepOutput>(&mut self, output: &mut O) {
         self.player.run_interval(output);
     }
@@ -226,12 +226,12 @@ impl Machine {
     }
 
     /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX` long) and returns its
-    /// length; 0 if there is nothing to say.
+    /// length; 0 if there is nothing to report.
     pub fn poll_report(&mut self, out: &mut [u8]) -> usize {
         self.receiver.poll_report(self.servo.motion(), out)
     }
 
-    /// The machine has these heaters: what looks after them, off at first.
+    /// Adds these heaters with their control, off at first.
     pub fn add_heaters(
         &mut self,
         configuration: &MachineConfiguration,
@@ -240,7 +240,7 @@ impl Machine {
         HeatService::new(configuration, heat, self.servo.motion_mut())
     }
 
-    /// What heaters and fans are to put out from now on, once in a period; `None` between.
+    /// Outputs of heaters and fans from now on, once per period; `None` in between.
     pub fn serve_heat(&mut self, service: &mut HeatService, fan_turns: u8) -> Option<Outputs> {
         service.serve(self.servo.motion_mut(), fan_turns)
     }
@@ -250,7 +250,7 @@ impl Machine {
         self.servo.motion()
     }
 
-    /// Latches a fault and stops at once: emergency input, limit switch, watchdog.
+    /// Latches a fault and stops immediately: emergency input, limit switch, watchdog.
     pub fn fail_at_once(&mut self, fault: Fault) {
         self.servo.motion_mut().fail_at_once(fault);
         stop_if_due(self.servo.motion_mut(), &mut self.player);

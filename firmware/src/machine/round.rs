@@ -117,7 +117,7 @@ fn apply(receiver: &mut Receiver, request: Request, controller: &mut impl Contro
     controller.command(|motion| receiver.apply(request, motion));
 }
 
-/// A piece of the work that the last message brought. True if there was any.
+/// A part of the work due to the last message. True if there was any.
 #[inline(never)]
 pub fn work(receiver: &mut Receiver, knots: usize, controller: &mut impl Controller) -> bool {
     if !receiver.is_busy() {
@@ -128,7 +128,7 @@ pub fn work(receiver: &mut Receiver, knots: usize, controller: &mut impl Control
     true
 }
 
-/// Work for the spans to come, one at most. True if there was any.
+/// Work for coming spans, one at most. True if there was any.
 #[inline(always)]
 pub fn look_ahead(controller: &mut impl Controller) -> bool {
     controller.with_motion(Motion::look_ahead) == Some(true)
@@ -160,7 +160,7 @@ fn report<S: Surroundings>(
     }
 }
 
-/// What is to be sent now: one piece of the main loop's work.
+/// The bytes to send now: one part of the main loop's work.
 #[inline(never)]
 pub fn pending<'a>(
     receiver: &mut Receiver,

@@ -42,12 +42,12 @@ pub trait StepSide {
     fn tell_stopped(&mut self, tell: impl FnOnce(&Stopped));
 }
 
-/// What a servo tick tells its board.
+/// Result of a servo tick for its board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoDone {
     /// The watchdog may be fed.
     pub healthy: bool,
-    /// The drivers are to hold their motors.
+    /// The drivers have to be energised.
     pub drivers_on: bool,
 }
 
@@ -137,7 +137,8 @@ impl Servo {
     }
 }
 
-/// Stops the steps if a fault demands it, and finds the motors: from the servo, or where it cannot interrupt.
+/// Stops the steps if a fault requires it, and recovers the motors' positions: called from the servo, or
+/// where it cannot interrupt.
 pub fn stop_if_due(motion: &mut Motion, steps: &mut impl StepSide) {
     if motion.take_stop() {
         steps.stop();

@@ -4,8 +4,8 @@
 //! the link loop still runs: without it no host could stop the machine. A board feeds its watchdog in the servo tick,
 //! and only on `true`; after the reset it latches `FaultCause::Watchdog` at start-up.
 
-/// Servo ticks that the link loop may stay away: half a second at 2 kHz, many times its longest
-/// work (a full block of knots), well below what anybody would notice as dead.
+/// Servo ticks between two rounds of the link loop: half a second at 2 kHz, many times its longest
+/// work (a full block of knots), well below a noticeable failure.
 pub const LINK_AWAY_TICKS_MAX: u32 = 1000;
 
 /// Watches servo, steps and link.
@@ -26,8 +26,8 @@ impl ServoHealth {
         }
     }
 
-    /// One servo tick: how many intervals of the steps had no program in time, and how often the link
-    /// loop has come round.
+    /// One servo tick: the number of step intervals without a program in time, and of rounds of the
+    /// link loop.
     pub fn tick(&mut self, overruns: u32, link_passes: u32) -> bool {
         let in_time = self.last_overruns == overruns;
         self.last_overruns = overruns;

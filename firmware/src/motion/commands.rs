@@ -122,8 +122,8 @@ impl Motion {
         targets.map_err(|_| CommandError::Invalid)
     }
 
-    /// True while frames of a stream are awaited: it is open and has no end yet. After a fault what
-    /// still comes is taken and dropped.
+    /// True while frames of a stream are expected: it is open and has no end yet. After a fault
+    /// further frames are accepted and dropped.
     pub fn takes_stream(&self) -> bool {
         let stream = self.state.stream();
         self.fault.is_some() || stream.is_some_and(|stream| !stream.is_complete)
@@ -148,8 +148,8 @@ impl Motion {
         fits
     }
 
-    /// What knots that arrive change of the queue is done a little at a time, in [`Self::look_ahead`], which is
-    /// called again and again: for a board, which holds the servo up meanwhile.
+    /// Processes the effect of arriving knots on the queue in small parts, in [`Self::look_ahead`], which is
+    /// called repeatedly: for a board, which masks the servo during that work.
     pub fn work_in_pieces(&mut self) {
         self.in_pieces = true;
     }
@@ -166,7 +166,7 @@ impl Motion {
         }
     }
 
-    /// A span that cannot be run has arrived: the head comes to rest before it.
+    /// An invalid span has arrived: the head comes to rest before it.
     pub fn refuse_span(&mut self, fault: SpanFault, knot: u32) {
         let (cause, index, value) = match fault {
             SpanFault::Kinematics(_) => (FaultCause::Kinematics, 0, knot as i32),
@@ -180,12 +180,12 @@ impl Motion {
         });
     }
 
-    /// Latches a fault; the head comes to rest on the path, then the stream is forgotten.
+    /// Latches a fault; the head comes to rest on the path, then the stream is dropped.
     pub fn fail_softly(&mut self, fault: Fault) {
         self.fault.get_or_insert(fault);
     }
 
-    /// Latches a fault and stops as soon as the engine is told ([`Self::take_stop`]).
+    /// Latches a fault and stops as soon as the engine gets it ([`Self::take_stop`]).
     pub fn fail_at_once(&mut self, fault: Fault) {
         self.stop_at_once(fault);
     }
@@ -232,8 +232,8 @@ impl Motion {
         self.flow.set_override(percent.clamp(10, 200));
     }
 
-    /// Clears the latched fault once the machine rests; false if it still moves, or is another board
-    /// than the firmware is for. What is still wrong with a driver comes back at once.
+    /// Clears the latched fault once the machine rests; false if it still moves, or if the firmware
+    /// is for another board. A persisting fault of a driver returns at once.
     pub fn clear_fault(&mut self) -> bool {
         let other_board = |fault: Fault| fault.cause == FaultCause::Board;
         let rests = matches!(self.state, State::Idle { .. })
@@ -245,8 +245,8 @@ impl Motion {
         rests
     }
 
-    /// True once after a fault that stops at once: the board or [`crate::machine::Machine`] stops
-    /// the engine and reports with [`Self::engine_stopped`].
+    /// True once after a fault with an immediate stop: the board or [`crate::machine::Machine`]
+    /// stops the engine and reports with [`Self::engine_stopped`].
     pub fn take_stop(&mut self) -> bool {
         self.state.take_stop()
     }

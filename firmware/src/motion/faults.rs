@@ -4,7 +4,7 @@ use super::Motion;
 use crate::steps::StepRateExceeded;
 use headway_protocol::message::{Fault, FaultCause};
 
-/// The emergency input, or a host that asks for the same.
+/// The emergency input, or the same command of a host.
 pub const EMERGENCY: Fault = Fault {
     cause: FaultCause::Emergency,
     index: 0,

@@ -27,7 +27,7 @@ enum ColdLeave {
     None,
     /// For the next stream or extrusion; so many periods at rest since.
     Next(u16),
-    /// For the one under way.
+    /// For the current one.
     Running,
 }
 
@@ -36,7 +36,7 @@ enum ColdLeave {
 pub enum Melt {
     /// It may.
     Ready,
-    /// Once this hot end, which heats up, is there.
+    /// Once this hot end, which is heating up, has reached it.
     Warming(ColdHeater),
     /// This hot end is too cold and has no target to wait for.
     Cold(ColdHeater),
@@ -63,7 +63,7 @@ pub struct HeatPanel {
 }
 
 impl HeatPanel {
-    /// Heaters that may be asked for.
+    /// Available heaters.
     pub fn set_up(&mut self, configuration: &HeatConfiguration) {
         self.target_max_c.clear();
         self.readings.clear();
@@ -77,10 +77,10 @@ impl HeatPanel {
         }
     }
 
-    /// A target, in tenths of a degree, 0 for off; the stream `wait`s for it, or no longer.
+    /// A target, in tenths of a degree, 0 for off; whether the stream `wait`s for it.
     ///
     /// # Errors
-    /// [`CommandError::Invalid`]: a heater that is not there, or above what it may have.
+    /// [`CommandError::Invalid`]: no such heater, or a target above its maximum.
     pub fn set_target(
         &mut self,
         heater: u8,
@@ -104,7 +104,7 @@ impl HeatPanel {
         Ok(())
     }
 
-    /// True if a heater is asked for.
+    /// True if a heater has a target.
     pub fn is_on(&self) -> bool {
         self.targets_c.iter().any(|target_c| *target_c > 0.0)
     }
@@ -155,7 +155,7 @@ impl HeatPanel {
         };
     }
 
-    /// A stream or an extrusion begins: it has the leave that was given for it, not that of the last one.
+    /// A stream or an extrusion begins: it has its own permission, not that of the last one.
     pub fn begin_melt(&mut self) {
         self.cold_leave = match self.cold_leave {
             ColdLeave::Next(_) => ColdLeave::Running,

@@ -20,7 +20,7 @@ impl Motion {
     /// Sets a heater's target, tenths of a degree; the stream `wait`s for it.
     ///
     /// # Errors
-    /// [`CommandError`]: a fault is latched, or the heater cannot have that.
+    /// [`CommandError`]: a fault is latched, or the target is invalid for the heater.
     pub fn set_heater(
         &mut self,
         heater: u8,

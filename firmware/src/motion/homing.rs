@@ -19,7 +19,7 @@ use crate::steps::STEP;
 /// What is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// The probe's pin goes out; then what it was to do.
+    /// The probe's pin is being deployed; then the next phase.
     Deploy,
     /// Away from a switch that was pressed at the start.
     Release,
@@ -33,7 +33,7 @@ enum Stage {
     BackOff,
     /// Slowly towards it.
     Touch,
-    /// It was touched; coming to rest.
+    /// Touched; coming to rest.
     Touched,
     /// Slowly on to its other edge.
     Cross,
@@ -46,7 +46,7 @@ enum Stage {
 /// Result of a servo tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HomingOutcome {
-    /// Under way.
+    /// In progress.
     Moving,
     /// At rest; add this to the joint's position, 2^-31 steps.
     Homed(i64),
@@ -54,7 +54,7 @@ pub enum HomingOutcome {
     Failed,
 }
 
-/// One joint on its way home, in 2^-31 steps.
+/// Homing of one joint, in 2^-31 steps.
 #[derive(Clone, Debug)]
 pub struct Homing {
     stage: Stage,
@@ -115,14 +115,14 @@ impl Homing {
         })
     }
 
-    /// With a switch that is a mark, whose both edges count, or none.
+    /// With a switch that is a mark, of which both edges count, or not.
     #[must_use]
     pub fn with_mark(mut self, is_mark: bool) -> Self {
         self.both_edges = is_mark;
         self
     }
 
-    /// With a probe whose pin takes so long to go out, before each touch.
+    /// With a probe whose pin needs this time to deploy, before each touch.
     #[must_use]
     pub fn with_pin(mut self, ticks: u32) -> Self {
         self.pin_ticks = ticks;
@@ -134,8 +134,8 @@ impl Homing {
         self.pin_is_out
     }
 
-    /// One servo tick: `pressed` is the switch, `here` where the motor is, `rests` that it does not
-    /// move. Tells the mover what to do.
+    /// One servo tick: `pressed` is the switch, `here` the motor's position, `rests` that it does
+    /// not move. Commands the mover.
     pub fn tick(
         &mut self,
         pressed: bool,

@@ -11,20 +11,20 @@ pub struct Inputs {
     pub emergency: bool,
 }
 
-/// Looks that must all find the emergency input pressed, [`EMERGENCY_LOOK_NS`] apart, before it counts: 3 µs. A spike
-/// of a motor's wire beside its own is shorter, a contact that bounces stays for tens of microseconds. The steps wait
-/// for so long, less than a step tick.
+/// Samples that must all find the emergency input pressed, [`EMERGENCY_LOOK_NS`] apart, before it counts: 3 µs. A
+/// spike from an adjacent motor wire is shorter, a bouncing contact is closed for tens of microseconds. The steps are
+/// delayed by this time, less than a step tick.
 pub const EMERGENCY_LOOKS: u32 = 6;
-/// From one look to the next.
+/// Time between two samples.
 pub const EMERGENCY_LOOK_NS: u32 = 500;
 
-/// True if every look finds the emergency input pressed. `look` waits between them.
+/// True if every sample finds the emergency input pressed. `look` waits between them.
 #[inline]
 pub fn is_held(mut look: impl FnMut() -> bool) -> bool {
     (0..EMERGENCY_LOOKS).all(|_| look())
 }
 
-/// A switch that stops motion must hold for [`SWITCH_SETTLE_TICKS`].
+/// A switch that stops motion must stay pressed for [`SWITCH_SETTLE_TICKS`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SwitchGuard {
     held_ticks: u32,

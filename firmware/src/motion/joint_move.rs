@@ -92,7 +92,7 @@ impl JointMove {
         self.position == self.goal && self.recent.iter().all(|place| *place == way)
     }
 
-    /// +1 towards larger positions, -1 towards smaller ones, 0 without a way to go.
+    /// +1 towards larger positions, -1 towards smaller ones, 0 without a distance to move.
     pub fn direction(&self) -> i64 {
         (self.goal - self.origin).signum()
     }

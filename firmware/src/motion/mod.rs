@@ -84,7 +84,7 @@ pub enum CommandError {
     Busy,
     /// A fault is latched.
     Faulted,
-    /// The position does not fit the machine, or is not where it is.
+    /// The position is invalid for the machine, or not its current one.
     Invalid,
     /// Melt would move while this hot end is too cold for it.
     Cold(ColdHeater),
@@ -225,8 +225,8 @@ impl Motion {
         Ok(())
     }
 
-    /// Work for the spans to come that need not be done in a servo tick, one span at most: to be
-    /// called again and again by a board's main loop, or once after every tick. True if there was any.
+    /// Work for coming spans that need not be done in a servo tick, one span at most: to be called
+    /// repeatedly by a board's main loop, or once after every tick. True if there was any.
     pub fn look_ahead(&mut self) -> bool {
         if self.queue.go_on_with_pass(CEILINGS_AT_ONCE) {
             self.interpolator.look_at_ceilings(&self.queue);

@@ -18,7 +18,7 @@ impl Motion {
         self.probe
     }
 
-    /// The probe has a pin that goes out and in; it may be Z's switch.
+    /// The probe has a pin that is deployed and stowed; it may be Z's switch.
     pub fn fit_probe_pin(&mut self, pin: ProbePin) {
         self.pin = pin;
     }

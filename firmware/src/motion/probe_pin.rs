@@ -41,14 +41,14 @@ pub const fn pulse_us(position: PinPosition) -> u16 {
     }
 }
 
-/// Whether there is one, and what it was told last by hand.
+/// Whether there is one, and its last manual command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ProbePin {
     /// There is one.
     pub fitted: bool,
     /// The probe is Z's switch too.
     pub is_switch_of_z: bool,
-    /// By hand, and before anything was told.
+    /// By manual command, and before any command.
     pub by_hand: PinPosition,
 }
 

@@ -33,7 +33,7 @@ impl Standing {
 /// What an open stream is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Demand {
-    /// Go on, but for those who ask for a rest on the path.
+    /// Continue, except for requests to rest on the path.
     Go {
         /// A host does,
         pauses: bool,
@@ -91,7 +91,7 @@ pub(super) enum State {
     Running(Stream),
     /// A stream ran to its end.
     Finished(Standing),
-    /// A joint moves, or melt, by command: the motors are held and follow no path.
+    /// A joint or melt moves by command: the motors are energised and follow no path.
     Jog {
         /// It was aborted and comes to rest.
         brakes: bool,

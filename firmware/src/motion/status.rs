@@ -121,7 +121,8 @@ impl Motion {
         &self.inputs
     }
 
-    /// True once something was asked to move, until the motors are let go: the drivers are to hold.
+    /// True from the first request to move until the motors are released: the drivers have to be
+    /// energised.
     pub fn drivers_on(&self) -> bool {
         self.state.holds_motors()
     }
@@ -131,7 +132,7 @@ impl Motion {
         self.underruns
     }
 
-    /// How often the head came to rest in the middle of a move.
+    /// Number of times that the head came to rest in the middle of a move.
     pub fn holds(&self) -> u32 {
         self.holds
     }
@@ -146,7 +147,7 @@ impl Motion {
         self.programmer.motor_positions(&self.waiting).map(count)
     }
 
-    /// Targets of the joints that the newest program was told, 2^-31 steps: evaluated [`Self::delay_ticks`] before.
+    /// Targets of the joints in the newest program, 2^-31 steps: evaluated [`Self::delay_ticks`] before.
     pub fn targets(&self) -> [i64; MOTORS_MAX] {
         self.programmer.newest_targets(&self.waiting)
     }

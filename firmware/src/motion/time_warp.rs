@@ -36,7 +36,7 @@ pub struct TimeWarp {
 /// What bounds the rate in this servo tick.
 #[derive(Clone, Copy, Debug)]
 pub struct WarpBounds {
-    /// Rate asked for, 2^-16: override or 0.
+    /// Requested rate, 2^-16: override or 0.
     pub wanted_q16: u32,
     /// Segment time left in the present span, servo ticks.
     pub remaining_ticks: f32,
@@ -56,25 +56,25 @@ impl TimeWarp {
         self.rate_q16
     }
 
-    /// Stops segment time at once.
+    /// Stops segment time immediately.
     pub fn stop(&mut self) {
         self.rate_q16 = 0;
         self.slope = 0.0;
     }
 
-    /// True while the queue's end holds the rate down, until the head is let go again.
+    /// True while the queue's end limits the rate, until the head is released again.
     pub fn is_held(&self) -> bool {
         self.is_held
     }
 
-    /// Nothing holds the rate down.
+    /// Nothing limits the rate.
     #[inline(always)]
     pub fn let_go(&mut self) {
         self.is_held = false;
     }
 
-    /// After a step that the queue's end `limited`, or not: true if it holds the rate down from now on. Once held, it is
-    /// so until the head gets no slower any more.
+    /// After a step that the queue's end `limited`, or not: true if it limits the rate from now on. It then stays so
+    /// until the head no longer slows down.
     pub fn hold(&mut self, limited: bool, before_q16: u32) -> bool {
         let was_held = self.is_held;
         self.is_held = limited || (was_held && self.rate_q16 < before_q16);
@@ -88,8 +88,8 @@ impl TimeWarp {
         self.slope = 0.0;
     }
 
-    /// Next rate, 2^-16. True as second value if the queue's end holds it below what is wanted.
-    /// `stop_ahead`: where the end is near, gives the stop ceiling so many ticks ahead of here.
+    /// Next rate, 2^-16. True as second value if the queue's end keeps it below the requested rate.
+    /// `stop_ahead`: near the end, gives the stop ceiling a number of ticks ahead.
     pub fn step(
         &mut self,
         bounds: &WarpBounds,

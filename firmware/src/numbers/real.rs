@@ -9,7 +9,7 @@ use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A real number with the kernels of the pose mathematics: f32, f64, or a Taylor series of one
-/// ([`crate::numbers::jet::Jet`]), by which derivatives come from the same source.
+/// ([`crate::numbers::jet::Jet`]), which gives derivatives from the same source.
 pub trait Real:
     Copy
     + Debug

@@ -123,13 +123,13 @@ impl JointChannels {
         self.tilts
     }
 
-    /// True if joints of the machine follow the whole pose.
+    /// True if joints of the machine follow the complete pose.
     pub fn follows_pose(&self) -> bool {
         self.follows_pose
     }
 
-    /// True if the joints are channels, so that spans are worth a look whether they are short. Joints that
-    /// follow more than a channel take any way.
+    /// True if the joints are channels, so that a check for short spans is useful. Joints that follow more
+    /// than one channel may move any distance.
     pub fn may_be_near(&self) -> bool {
         !self.tilts && !self.follows_pose
     }

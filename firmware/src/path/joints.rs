@@ -156,7 +156,7 @@ impl JointTargets {
         joint < self.count && self.beyond_range(joint, position) <= 0
     }
 
-    /// How far a position lies beyond the joint's range, 2^-31 steps; 0 or less inside.
+    /// Distance of a position beyond the joint's range, 2^-31 steps; 0 or less inside.
     pub fn beyond_range(&self, joint: usize, position: i64) -> i64 {
         self.joints.get(joint).map_or(i64::MAX, |joint| {
             let below = joint.position_min.saturating_sub(position);
@@ -164,8 +164,8 @@ impl JointTargets {
         })
     }
 
-    /// How far a joint is from a position, 2^-31 steps: for one that turns without an end the shorter
-    /// way round.
+    /// Distance of a joint from a position, 2^-31 steps: for one that turns without an end in the
+    /// shorter direction.
     pub fn way_to(&self, joint: usize, goal: i64, here: i64) -> i64 {
         // Whole steps have 32 bits.
         let way = goal.wrapping_sub(here) << 1 >> 1;
@@ -199,8 +199,8 @@ impl JointTargets {
         ((1u16 << self.count) - 1) as u8
     }
 
-    /// Puts in the joints' targets at the pose, `put` saying what [`Target::replace`] does; other motors keep
-    /// theirs. Poses of two calls must be near enough that no joint turns by half a turn.
+    /// Sets the joints' targets at the pose, where `put` returns the result of [`Target::replace`]; other
+    /// motors keep theirs. Poses of two calls must be close enough that no joint turns by half a turn.
     ///
     /// # Errors
     /// The fault to latch.
@@ -325,7 +325,7 @@ impl JointTargets {
     /// The targets of a pose at rest, 2^-31 steps: joints, then the extruder.
     ///
     /// # Errors
-    /// The fault that it would be to go there.
+    /// The fault that a move there would cause.
     #[inline(never)]
     pub fn targets(&mut self, pose: &RestPose) -> Result<[i64; MOTORS_MAX], Fault> {
         let offset = pose.offset();
@@ -346,10 +346,11 @@ impl JointTargets {
         Ok(targets.map(Target::position))
     }
 
-    /// Looks closer at the joints in `outside`: no step may go beyond a limit and its slack, rounded to a step.
+    /// Checks the joints in `outside` more closely: no step may exceed a limit and its slack, rounded to a
+    /// step.
     ///
     /// # Errors
-    /// The fault of the first that would.
+    /// The fault of the first one that would.
     #[inline(never)]
     pub fn check_limits(
         &self,

@@ -61,8 +61,9 @@ const EXTRUDER_ALPHA_MAX: f32 = 0.7;
 /// than that of its angles, 0.1 mrad.
 const RANGE_SLACK_MAX: f64 = 1e-3;
 
-/// How far beyond the ends of its range a joint's position still counts as the end, mm or rad: half a step, which no
-/// motor can tell from it. A path along the very end comes out of interpolation and rounding on either side.
+/// Distance beyond the ends of its range at which a joint's position still counts as the end, mm or rad: half a
+/// step, which is no difference for a motor. Interpolation and rounding put a path exactly along the end on either
+/// side of it.
 pub fn range_slack(joint: &JointConfiguration) -> f64 {
     (0.5 / joint.steps_per_unit).min(RANGE_SLACK_MAX)
 }
@@ -91,7 +92,7 @@ impl JointLimit {
     }
 }
 
-/// Limits of the whole machine, ready for use.
+/// Limits of the complete machine, precomputed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadModel {
     kinematics: Kinematics,
@@ -224,7 +225,7 @@ impl LoadModel {
         self.kinematics = self.kinematics.with_solution(solution);
     }
 
-    /// Turns of the joints at rest on `start`; none where it has no joint positions.
+    /// Turns of the joints at rest on `start`; none if it has no joint positions.
     pub fn winding_at(&self, start: &ChannelPoint) -> Winding<f32> {
         let mut natural = [0.0; CHANNELS];
         for channel in 0..CHANNELS {
@@ -237,8 +238,8 @@ impl LoadModel {
         )
     }
 
-    /// Demands of the window's newest span. `winding` has the joints' turns where it begins, and
-    /// afterwards where it ends.
+    /// Demands of the window's newest span. `winding` has the joints' turns at its start, and
+    /// afterwards at its end.
     ///
     /// # Errors
     /// See [`SpanFault`].

@@ -19,7 +19,7 @@ use heapless::Deque;
 pub struct QueuedKnot {
     /// As received.
     pub knot: Knot,
-    /// What the span asks of the joints.
+    /// The span's demands on the joints.
     pub load: SpanLoad,
     /// Duration of the knot's own span (the knot carries that of span n + 2).
     pub span_ticks: u16,
@@ -30,7 +30,8 @@ pub struct QueuedKnot {
 }
 
 impl QueuedKnot {
-    /// The newest knot of a window, whose span asks this of the joints; it has no ceiling yet.
+    /// The newest knot of a window, with the demands of its span on the joints; it has no ceiling
+    /// yet.
     pub fn new(window: &SpanWindow, knot: &Knot, load: SpanLoad) -> Self {
         Self {
             knot: *knot,
@@ -47,7 +48,7 @@ impl QueuedKnot {
 pub struct Ceiling {
     /// For coming to rest by the end of the queue.
     pub stop: f32,
-    /// For the limits of what comes; binding only above 1.
+    /// For the limits of coming spans; relevant only above 1.
     pub limits: f32,
 }
 
@@ -57,13 +58,13 @@ impl Ceiling {
         stop: CEILING_OPEN,
         limits: CEILING_OPEN,
     };
-    /// The end of the queue: what follows may have no room above 1.
+    /// The end of the queue: the next span may have no room above 1.
     pub const END: Self = Self {
         stop: 0.0,
         limits: 1.0,
     };
 
-    /// Ceilings `ticks` before this place, within a span of this load.
+    /// Ceilings `ticks` before this point, within a span of this load.
     #[inline]
     pub fn before(&self, ticks: f32, load: &SpanLoad) -> Self {
         let reach = 2.0 * ticks / load.beta_ticks;
@@ -120,7 +121,7 @@ impl KnotQueue {
         self.knots.len()
     }
 
-    /// True if none waits.
+    /// True if it contains none.
     pub fn is_empty(&self) -> bool {
         self.knots.is_empty()
     }
@@ -178,7 +179,7 @@ impl KnotQueue {
         }
     }
 
-    /// The knot that waits behind so many others.
+    /// The knot after `behind` others.
     pub fn get(&self, behind: usize) -> Option<&QueuedKnot> {
         self.knots.get(behind)
     }
@@ -202,7 +203,7 @@ impl KnotQueue {
         self.go_on_with_pass(QUEUE_KNOTS);
     }
 
-    /// Begins a backward pass over the last `changed` knots; one that was not over is part of it.
+    /// Begins a backward scan over the last `changed` knots, which includes an unfinished one.
     pub fn begin_pass(&mut self, changed: usize) {
         let left = self.pass.map_or(0, |pass| pass.changed);
         self.pass = Some(Pass {
@@ -212,7 +213,7 @@ impl KnotQueue {
         });
     }
 
-    /// A pass is under way.
+    /// A scan is in progress.
     pub fn has_pass(&self) -> bool {
         self.pass.is_some()
     }

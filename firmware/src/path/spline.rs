@@ -53,14 +53,14 @@ impl SpanShape {
         &self.control[1]
     }
 
-    /// What the base moved by when the newest knot came, channel units.
+    /// Displacement of the base at the arrival of the newest knot, channel units.
     #[inline]
     pub fn base_step(&self, channel: usize) -> i32 {
         let [before, base, ..] = &self.control;
         of_channel(base, channel).wrapping_sub(of_channel(before, channel))
     }
 
-    /// What the durations say about the span.
+    /// The weights of the span from its durations.
     pub fn weights<R: Real>(&self) -> SpanWeights<R> {
         SpanWeights::new(&self.durations_ticks)
     }
@@ -129,7 +129,7 @@ impl SpanWindow {
         &self.shape.control[3]
     }
 
-    /// True if nothing moves during the whole span.
+    /// True if nothing moves during the complete span.
     pub fn is_rest(&self) -> bool {
         self.starts_at_rest() && self.ends_at_rest()
     }
@@ -159,7 +159,7 @@ impl SpanWindow {
     }
 }
 
-/// What the durations alone say about a span; shared by all channels.
+/// Weights of a span that depend only on durations; shared by all channels.
 #[derive(Clone, Copy, Debug)]
 pub struct SpanWeights<R> {
     position: [R; 2],
@@ -258,7 +258,7 @@ impl<R: Real> SpanPolynomial<R> {
     }
 }
 
-/// A span with its place in the stream, in double precision: what planner and checkers evaluate.
+/// A span with its position in the stream, in double precision, for planner and checkers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Span {
     /// Index from 0.

@@ -6,7 +6,7 @@
 use super::{BoardLimits, BoardSettings, Record, SettingsProblem, SettingsRefusal, refusal};
 use headway_protocol::message::SETTINGS_PART_BYTES;
 
-/// What has come of a record.
+/// The received part of a record.
 #[derive(Clone, Debug, Default)]
 pub struct SettingsInbox {
     /// Of a board that has a store.
@@ -22,7 +22,7 @@ impl SettingsInbox {
         self.keeps = Some(board);
     }
 
-    /// A new record; what came of another one is forgotten.
+    /// Begins a new record; an incomplete one is dropped.
     ///
     /// # Errors
     /// `NoStore`.
@@ -39,7 +39,7 @@ impl SettingsInbox {
     /// The next part.
     ///
     /// # Errors
-    /// `Incomplete` where it is not the next one.
+    /// `Incomplete` if it is not the next one.
     pub fn part(
         &mut self,
         offset: u16,
@@ -69,7 +69,7 @@ impl SettingsInbox {
         Ok(())
     }
 
-    /// The record that is to be stored now, once.
+    /// The record to be stored now, once.
     pub fn take(&mut self) -> Option<&[u8]> {
         if !self.is_checked {
             return None;

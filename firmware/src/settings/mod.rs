@@ -57,7 +57,7 @@ const CRC_BYTES: usize = 4;
 /// A record of settings.
 pub type Record = Vec<u8, SETTINGS_BYTES_MAX>;
 
-/// What a board can run at all, whatever its settings: those beyond would keep it from starting.
+/// Limits of a board for all settings: with others it could not start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BoardLimits {
     /// Drivers that it has.
@@ -72,7 +72,7 @@ pub struct BoardLimits {
     pub names: &'static [BoardName],
 }
 
-/// What a board can be told without building its firmware.
+/// Settings that a board accepts without building its firmware.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardSettings {
     /// Kinematics, joints, extruder, rates.
@@ -85,12 +85,12 @@ pub struct BoardSettings {
     pub drivers: DriversConfiguration,
     /// Roles of inputs, senses of motors.
     pub wiring: Wiring,
-    /// Which board they are for; `None` where nobody has said it.
+    /// The board that they are for; `None` if not given.
     pub board: Option<BoardName>,
 }
 
 impl BoardSettings {
-    /// Checks everything, as the board does before it takes them.
+    /// Checks everything, as the board does before it accepts them.
     ///
     /// # Errors
     /// The first number that is wrong.
@@ -161,7 +161,8 @@ impl BoardSettings {
     /// Checks them and writes the record.
     ///
     /// # Errors
-    /// As [`Self::check`]; `Section` for one that has no room, which the largest machine has.
+    /// As for [`Self::check`]; `Section` for one that does not fit, although the largest machine
+    /// does.
     pub fn encode(&self) -> Result<Record, SettingsRefusal> {
         self.check()?;
         let mut record = Record::new();
@@ -196,7 +197,7 @@ impl BoardSettings {
         Ok(record)
     }
 
-    /// The record's CRC, which tells two boards' settings apart; 0 if there can be none.
+    /// The record's CRC, which identifies a board's settings; 0 if there can be none.
     pub fn hash(&self) -> u32 {
         self.encode().map_or(0, |record| record_hash(&record))
     }

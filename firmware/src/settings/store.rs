@@ -75,7 +75,7 @@ impl<F: NorFlash> SettingsStore<F> {
         (self.flash.capacity() / SLOTS as usize) as u32 * slot
     }
 
-    /// The record in force; `None` where there is none.
+    /// The active record; `None` if there is none.
     pub fn take(&mut self) -> Option<Record> {
         let found = self.newest()?;
         self.read(found.slot).map(|(_, record)| record)
@@ -115,11 +115,11 @@ impl<F: NorFlash> SettingsStore<F> {
         if same { Ok(()) } else { Err(StoreError::Flash) }
     }
 
-    /// Stores a record so that the last slot has it: whoever overwrites the first one, as new firmware may
-    /// that lies around it, takes nothing away.
+    /// Stores a record so that the last slot has it: it survives if the first one is overwritten, as by
+    /// new firmware stored around it.
     ///
     /// # Errors
-    /// As [`Self::put`]; where only the first slot has it, it is in force all the same.
+    /// As for [`Self::put`]; if only the first slot has it, it is active nevertheless.
     pub fn put_last(&mut self, record: &[u8]) -> Result<(), StoreError> {
         self.put(record)?;
         if self.newest().is_some_and(|found| found.slot == 0) {

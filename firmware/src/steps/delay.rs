@@ -22,7 +22,7 @@ pub fn window_ticks(extruder: &ExtruderConfiguration, servo_hz: u32) -> u32 {
     ticks.clamp(1, ADVANCE_WINDOW_TICKS_MAX as u32)
 }
 
-/// Servo ticks that the advance lies behind the flow it is for: all motors wait for it.
+/// Servo ticks by which the advance lags its flow: all motors are delayed by that.
 pub fn advance_centre_ticks(extruder: &ExtruderConfiguration, servo_hz: u32) -> u32 {
     if extruder.pressure_advance_s > 0.0 {
         (window_ticks(extruder, servo_hz) / 2).min(WAIT_TICKS_MAX)
@@ -39,19 +39,19 @@ pub fn motion_delay_s(configuration: &MachineConfiguration) -> f64 {
         + f64::from(ticks) / f64::from(configuration.servo_hz)
 }
 
-/// How long what waits.
+/// Delays of targets and advance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Delays {
     /// Servo ticks that joints and the planned extruder wait.
     pub line_ticks: u32,
     /// Servo ticks that the advance waits, so that it stays centred.
     pub advance_ticks: u32,
-    /// Servo ticks after which nothing of a target is on its way.
+    /// Servo ticks after which a target has completely left the delay line.
     pub settle_ticks: u32,
 }
 
 impl Delays {
-    /// Of a machine; `None` where a shaper is longer than the line, or takes a joint too far off its plan.
+    /// For a machine; `None` if a shaper is longer than the line, or moves a joint too far off its plan.
     #[inline(never)]
     pub fn of(configuration: &MachineConfiguration) -> Option<Self> {
         let servo_hz = configuration.servo_hz.max(1);

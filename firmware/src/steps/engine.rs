@@ -10,7 +10,7 @@ use crate::configuration::MOTORS_MAX;
 use crate::steps::output::StepOutput;
 use core::sync::atomic::{Ordering, compiler_fence};
 
-/// What a step tick was besides steps, for whoever owns the banks.
+/// Events of a step tick other than steps, for the owner of the banks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
     /// Nothing to do.
@@ -23,8 +23,8 @@ pub enum Moment {
     Ended,
 }
 
-/// Plays one bank after the other, one step tick at a time. Work besides steps is spread over the
-/// ticks around the change of banks, so that none has all of it.
+/// Plays one bank after another, one step tick at a time. Other work is spread over the ticks
+/// around the change of banks, so that no tick has all of it.
 #[derive(Clone, Debug)]
 pub struct StepEngine {
     /// Ticks until something happens besides steps.
@@ -40,7 +40,7 @@ pub struct StepEngine {
 }
 
 impl StepEngine {
-    /// Before its first interval, which is an idle one.
+    /// In the state before its first interval, which is idle.
     pub fn new(interval_ticks: u32) -> Self {
         let interval_ticks = interval_ticks.clamp(INTERVAL_TICKS_MIN, INTERVAL_TICKS_MAX);
         Self {
@@ -147,7 +147,7 @@ impl StepEngine {
         self.intervals = self.intervals.wrapping_add(1);
     }
 
-    /// Stops the bank that plays, at once, in the middle of its interval.
+    /// Stops the current bank immediately, in the middle of its interval.
     pub fn stop(&mut self, bank: &mut StepBank) -> Stopped {
         bank.stopped(self.ticks_left())
     }

@@ -45,7 +45,7 @@ use crate::design::STEP_THRESHOLD_BIAS;
 pub const POSITION_FRACTION_BITS: u32 = 31;
 /// One step.
 pub const STEP: i64 = 1 << POSITION_FRACTION_BITS;
-/// Most step ticks of a servo interval: its way, cut by `WAY_SHIFT`, fits 32 bits.
+/// Maximum step ticks of a servo interval: its displacement, shifted by `WAY_SHIFT`, fits 32 bits.
 pub const INTERVAL_TICKS_MAX: u32 = 256;
 /// Fewest: the reciprocals fit 32 bits.
 pub const INTERVAL_TICKS_MIN: u32 = 65;
@@ -67,7 +67,7 @@ pub struct StepScale {
     per_unit_single: f32,
 }
 
-/// A whole number of units as a position, exact however often it is moved.
+/// An integer number of units as a position, exact after any number of moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ScaledUnits {
     /// 2^-31 steps, rounded down.
@@ -148,16 +148,15 @@ const TARGET_FRACTION_BITS: u32 = POSITION_FRACTION_BITS - TARGET_SHIFT;
 
 /// Fraction bits of a short way.
 const NEAR_FRACTION_BITS: u32 = 16;
-/// One step as a short way.
+/// One step as a short displacement.
 pub const NEAR_STEP: f32 = (1 << NEAR_FRACTION_BITS) as f32;
-/// Most steps of a way that [`Target::moved_near`] can make.
+/// Maximum displacement in steps for [`Target::moved_near`].
 pub const NEAR_STEPS_MAX: f32 = 32_000.0;
 
 /// One step as a difference of targets, a way.
 pub(crate) const ONE_STEP_WAY: f64 = (1u32 << TARGET_FRACTION_BITS) as f64;
 
-/// Where a motor is to be, in two words that are quickly moved: with `BIAS`, so that its whole
-/// part is the count.
+/// A motor's target, in two words for speed: with `BIAS`, so that its integer part is the count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Target {
     /// Whole steps; may be one off.
@@ -183,8 +182,8 @@ impl Target {
         self.fine
     }
 
-    /// Puts a new target into its place. Says how far it is from the old one in whole steps, less one
-    /// where it is lower: to be put together bit by bit with that of other motors.
+    /// Replaces it by a new target. Returns the distance from the old one in whole steps, minus one
+    /// if it is lower, to be combined by bitwise OR with that of other motors.
     #[inline(always)]
     pub fn replace(&mut self, new: Self) -> u32 {
         let jump = new.whole.wrapping_sub(self.whole);

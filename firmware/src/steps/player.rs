@@ -4,7 +4,7 @@
 use super::{INTERVAL_TICKS_MAX, Moment, StepBank, StepEngine, Stopped};
 use crate::steps::output::StepOutput;
 
-/// Plays what is written into its idle bank.
+/// Plays the programs written into its idle bank.
 #[derive(Clone, Debug)]
 pub struct StepPlayer {
     engine: StepEngine,
@@ -30,7 +30,7 @@ impl StepPlayer {
         }
     }
 
-    /// The engine, for boards where it belongs to the step interrupt.
+    /// Returns the engine, for boards where it belongs to the step interrupt.
     pub fn into_engine(self) -> StepEngine {
         self.engine
     }
@@ -55,13 +55,13 @@ impl StepPlayer {
         self.engine.interval_ticks()
     }
 
-    /// Stops at once, in the middle of an interval.
+    /// Stops immediately, in the middle of an interval.
     pub fn stop(&mut self) {
         self.handed = false;
         self.stopped = Some(self.engine.stop(&mut self.playing));
     }
 
-    /// Where the motors were then, once.
+    /// Positions of the motors at a stop, once.
     pub fn take_stopped(&mut self) -> Option<Stopped> {
         self.stopped.take()
     }
@@ -83,8 +83,8 @@ impl StepPlayer {
         }
     }
 
-    /// The rest of the interval at once, with the same calls as [`Self::tick`] would make, many
-    /// times faster.
+    /// Runs the rest of the interval at once, with the same calls as [`Self::tick`], many times
+    /// faster.
     pub fn run_interval<O: StepOutput>(&mut self, output: &mut O) {
         if self.playing.reverses() {
             for _ in 0..self.engine.ticks_left() {

@@ -88,12 +88,12 @@ impl StepProgrammer {
         self.line = Line::new(advanced, delays, waiting.shapes());
     }
 
-    /// Servo ticks after which nothing of a target is on its way.
+    /// Servo ticks after which a target has completely left the delay line.
     pub fn settle_ticks(&self) -> u32 {
         self.line.settle_ticks()
     }
 
-    /// Declares positions of the joints without a step; nothing waits. Only at rest.
+    /// Declares positions of the joints without a step, and clears the delay line. Only at rest.
     pub fn set_positions(&mut self, positions: &[i64; MOTORS_MAX]) {
         self.set_motors(&self.mix.motors_of(*positions));
     }
@@ -139,7 +139,7 @@ impl StepProgrammer {
         row
     }
 
-    /// Finds the motors after [`StepEngine::stop`] and goes on from there.
+    /// Recovers the motors' positions after [`StepEngine::stop`] and continues from there.
     ///
     /// [`StepEngine::stop`]: super::StepEngine::stop
     pub fn recover(&mut self, stopped: &Stopped, waiting: &WaitingTargets) {
@@ -202,8 +202,8 @@ impl StepProgrammer {
         })
     }
 
-    /// The targets that the newest program was told: those of the last call of [`Self::advance`], or of
-    /// so many before it as targets wait.
+    /// The targets of the newest program: those of the last call of [`Self::advance`], or of an earlier
+    /// one by the delay.
     pub fn newest_targets(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
         self.mix
             .joints_of(self.of_tracks(waiting, MotorTrack::told))
@@ -221,7 +221,7 @@ impl StepProgrammer {
             })
     }
 
-    /// True if the motors rest: the last targets that came out are equal and were reached.
+    /// True if the motors are at rest: the last output targets are equal and were reached.
     pub fn is_at_rest(&self) -> bool {
         self.tracks.iter().all(|track| {
             // Bit 31 is the parity of the count.
@@ -261,7 +261,7 @@ impl StepProgrammer {
         self.advance_to(&self.mixed_row(), bank)
     }
 
-    /// Begins a servo tick: which rows of the line it has.
+    /// Begins a servo tick: returns its rows of the line.
     #[inline(always)]
     pub fn begin(&mut self) -> Places {
         self.line.begin()
@@ -291,8 +291,8 @@ impl StepProgrammer {
         self.tracks[motor % MOTORS_MAX].target
     }
 
-    /// The same as [`Self::advance`] with targets that were put in; `jumps` is what came of that, put
-    /// together. What comes out of the line is followed.
+    /// The same as [`Self::advance`] with targets that are already in the line; `jumps` is the
+    /// combined result of setting them. The output of the line is followed.
     ///
     /// # Errors
     /// As [`Self::advance`].
@@ -366,7 +366,8 @@ impl StepProgrammer {
         (track.target.replace(new), [way, track.last_way])
     }
 
-    /// Forgets targets that cannot be reached: those of the tick before stay. Says which jumped furthest.
+    /// Drops targets that cannot be reached, and keeps those of the previous tick. Returns the one that
+    /// jumped furthest.
     #[cold]
     pub fn take_back(&mut self, waiting: &WaitingTargets) -> StepRateExceeded {
         self.line.take_back();

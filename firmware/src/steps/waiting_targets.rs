@@ -21,7 +21,7 @@ pub const WAIT_TICKS_MAX: u32 = ROWS as u32 - 1;
 /// Fine parts of the targets of one servo tick.
 pub(super) type Row = [i32; MOTORS_MAX];
 
-/// Targets on their way: the rows alone, which are large and so lie elsewhere than what every tick uses.
+/// Delayed targets: only the rows, which are large and so stored apart from the data of every tick.
 #[derive(Clone, Debug)]
 pub struct WaitingTargets {
     pub(super) rows: [Row; ROWS],

@@ -106,7 +106,8 @@ impl BoardPins for OctopusPins {
     }
 }
 
-/// Heaters and fans off: what is an output goes low. What is none yet stays so, as the board may be another one.
+/// Heaters and fans off: outputs go low. Pins that are not yet outputs stay inputs, as the board may be another
+/// one.
 pub fn heaters_off() {
     clock_on(Bus::Ahb1, HEAT_PORTS_CLOCK_MASK);
     for pin in OFF {

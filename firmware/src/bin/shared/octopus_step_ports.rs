@@ -13,7 +13,8 @@ pub const SET_RESET: usize = 0x18;
 /// within an instruction's reach, 255 bytes down and 4095 up.
 const BASE: usize = 2 * PORT_BYTES + SET_RESET + 4;
 
-/// The ports. Their place is kept in memory: one load, where constants take two instructions each.
+/// The ports. Their address is stored in memory: one load, where constants take two instructions
+/// each.
 pub struct DriverPorts {
     base: *mut u32,
 }

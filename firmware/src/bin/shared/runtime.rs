@@ -63,8 +63,8 @@ struct Stepping {
     output: Output,
 }
 
-/// A value that contexts of different priority share; each access says why it is alone. Without
-/// a value at first, and so without an image of one in flash.
+/// A value shared by contexts of different priority; each access states why it is exclusive. It has
+/// no value at first, and so no image in flash.
 pub struct Shared<T> {
     value: UnsafeCell<MaybeUninit<T>>,
     is_set: AtomicBool,
@@ -215,8 +215,8 @@ fn stop_steps() {
     }
 }
 
-/// The board's stop interrupt, pended by its emergency input (a spike counts as well) or by whoever asked
-/// for a stop.
+/// The board's stop interrupt, pended by its emergency input (a spike counts as well) or by any code that
+/// requested a stop.
 pub fn stop_interrupt(emergency: bool) {
     let asked = STOP_ASKED.swap(false, Ordering::Relaxed);
     if STEPPING.is_set.load(Ordering::Acquire) && (emergency || asked) {
@@ -236,7 +236,7 @@ pub fn servo_interrupt(inputs: Inputs) -> ServoDone {
     servo.tick(inputs, &mut Steps, LINK_PASSES.load(Ordering::Relaxed))
 }
 
-/// Servo tick at which the present stream began; for the servo interrupt.
+/// Servo tick at which the current stream began; for the servo interrupt.
 pub fn stream_start_ticks() -> Option<u64> {
     // SAFETY: as there.
     unsafe { SERVO.with(|servo| servo.motion().stream_start_ticks()) }.flatten()
@@ -296,7 +296,7 @@ impl StepSide for Steps {
     }
 }
 
-/// Uses the output once nothing moves any more: all interrupts are masked meanwhile.
+/// Uses the output when nothing moves any more, with all interrupts masked.
 pub fn with_output<R>(work: impl FnOnce(&mut Output) -> R) -> Option<R> {
     // SAFETY: nothing interrupts.
     cortex_m::interrupt::free(|_| unsafe { STEPPING.with(|stepping| work(&mut stepping.output)) })
@@ -364,7 +364,7 @@ fn place_servo(configuration: &MachineConfiguration, switches: &HomingConfigurat
     unsafe { SERVO.set(Servo::new(motion)) };
 }
 
-/// Puts the machine to work: from here on steps and servo run. `None` where it cannot be run.
+/// Starts the machine: from here on steps and servo run. `None` if it cannot be run.
 pub fn start(
     board: &Board,
     output: Output,
@@ -387,9 +387,9 @@ pub fn start(
     Some(receiver)
 }
 
-/// Does work of the main loop that would mask interrupts, and cannot: without privilege the core
-/// ignores `cpsid`. For drivers of others that mask what does not concern them, and use neither the
-/// motion nor the core's own registers.
+/// Calls code of the main loop that would mask interrupts, so that it cannot: without privilege the
+/// core ignores `cpsid`. This is for third-party drivers that mask interrupts without need, and use
+/// neither the motion nor the core's own registers.
 pub fn without_masking<R>(work: impl FnOnce() -> R) -> R {
     let mut control = control::read();
     control.set_npriv(Npriv::Unprivileged);
@@ -400,9 +400,9 @@ pub fn without_masking<R>(work: impl FnOnce() -> R) -> R {
     result
 }
 
-/// Gives the main loop its privilege back, wherever in work without it that is called: `cpsid` has no effect
-/// before. An interrupt has privilege whatever it interrupted, and must not call the supervisor, which could not
-/// answer: it would be a hard fault.
+/// Restores the main loop's privilege, from anywhere in unprivileged code: `cpsid` has no effect before. An
+/// interrupt is privileged whatever it interrupted, and must not call the supervisor, which could not run: that
+/// would be a hard fault.
 pub fn regain_privilege() {
     // Without privilege this register reads as 0: then it is the main loop, as no interrupt is without.
     let interrupt: u32;
@@ -423,7 +423,7 @@ fn SVCall() {
     unsafe { control::write(control) };
 }
 
-/// The main loop's way to what the servo owns.
+/// The main loop's access to data that the servo owns.
 pub struct Locked;
 
 impl Controller for Locked {
@@ -446,7 +446,7 @@ impl Controller for Locked {
     }
 }
 
-/// The main loop lives: for work of it that takes long, too.
+/// Notes that the main loop is alive: also for its longer work.
 #[inline(always)]
 pub fn note_pass() {
     count(&LINK_PASSES);

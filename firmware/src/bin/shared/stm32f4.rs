@@ -163,8 +163,8 @@ mod emergency_input {
         LINE.store(bit, Ordering::Relaxed);
     }
 
-    /// True if there was an edge since it was last taken, and the input is pressed now. An edge that comes while it
-    /// is looked at is taken next.
+    /// True if there was an edge since the last call, and the input is pressed now. An edge during the check is
+    /// returned by the next call.
     pub fn take() -> bool {
         let bit = LINE.load(Ordering::Relaxed);
         // SAFETY: as above; a one clears this line's flag alone.
@@ -176,7 +176,7 @@ mod emergency_input {
         edge && is_pressed()
     }
 
-    /// True if it is pressed for as long as it is looked at.
+    /// True if it is pressed during the complete check.
     #[cold]
     pub fn is_pressed() -> bool {
         let (bit, released) = (
@@ -440,14 +440,14 @@ fn run() -> Option<()> {
     serve(receiver, around)
 }
 
-/// From the boards' entries. It only ends where the machine built in cannot be run, or the chip has no
-/// clock: nothing ever moves, and the watchdog starts anew.
+/// Called from the boards' entry points. It only ends if the built-in machine cannot be run, or the
+/// chip has no clock: nothing ever moves, and the watchdog restarts.
 pub fn main() -> ! {
     run();
     stop()
 }
 
-/// Heaters and drivers off, no more interrupts, from any context; the watchdog starts anew.
+/// Heaters and drivers off, no more interrupts, from any context; the watchdog restarts.
 pub fn stop() -> ! {
     runtime::regain_privilege();
     cortex_m::interrupt::disable();

@@ -125,7 +125,7 @@ mod edges {
     /// Captures after the first: 64 edges.
     const CAPTURES: usize = 8;
 
-    /// Timer clocks of 64 edges; 0 if they do not come.
+    /// Timer clocks of 64 edges; 0 if there are none.
     pub fn timer_clocks(rcc: &RCC) -> u32 {
         clock_on(Bus::Apb2, CLOCK);
         let clocks = count();

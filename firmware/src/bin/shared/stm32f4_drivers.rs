@@ -24,7 +24,7 @@ impl DriverLoop {
         Self { service, port }
     }
 
-    /// One round of the main loop. A turn takes 30 ms, more only where a driver answers with noise.
+    /// One round of the main loop. A turn takes 30 ms, more only if a driver answers with noise.
     #[inline(never)]
     pub fn turn(&mut self) {
         if with_motion(|motion| self.service.is_due(motion)) == Some(true) {

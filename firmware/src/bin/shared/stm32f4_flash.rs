@@ -37,7 +37,7 @@ impl FlashBus for Registers {
     }
 }
 
-/// The store, and what the board can run.
+/// The store, and the settings that the board can run.
 pub struct KeptSettings {
     store: SettingsStore<SectorFlash<Registers>>,
     limits: BoardLimits,
@@ -74,12 +74,12 @@ impl KeptSettings {
         Some(settings)
     }
 
-    /// Of what is in force: 0 where that is built in.
+    /// Hash of the active settings: 0 for built-in ones.
     pub fn hash(&self) -> u32 {
         self.hash
     }
 
-    /// Stores settings that have come, if there are any.
+    /// Stores received settings, if there are any.
     pub fn store(&mut self, receiver: &mut Receiver) {
         receiver.store_settings(|record| self.put(record));
     }

@@ -38,8 +38,8 @@ pub fn clock_on(bus: Bus, mask: u32) {
     dsb();
 }
 
-/// Every pin an input, as after a reset of the chip: whatever a run or a boot loader before has driven. For the
-/// first instructions, when the board is not known yet; no memory is used.
+/// Makes every pin an input, as after a reset of the chip, whatever an earlier program or boot loader has
+/// driven. For the first instructions, when the board is not known yet; no memory is used.
 #[inline(always)]
 pub fn all_inputs() {
     // SAFETY: resets ports alone, and takes the resets back; nothing else uses them yet.

@@ -184,7 +184,7 @@ pub fn kept_fault() -> Option<Fault> {
     KeptFault::from_memory(words).fault()
 }
 
-/// Keeps what is latched now for the run after a reset.
+/// Keeps the latched fault for the program after a reset.
 pub fn keep_fault(fault: Option<Fault>) {
     // SAFETY: as above.
     unsafe {

@@ -30,12 +30,12 @@ const SPANS: usize = (SPANS_AHEAD + 1).next_power_of_two();
 /// What the ceiling at the present span's end means for a steady path rate of up to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outlook {
-    /// Nobody has looked since the span began: the tick that begins one has enough to do.
+    /// Not checked since the span began: the tick that begins one has enough work.
     Unknown,
     /// It limits nothing.
     Open,
-    /// Nothing within the span: up to 1 a ceiling only rises towards a span's start, so that what holds
-    /// at its end holds in all of it.
+    /// No limit within the span: up to 1 a ceiling only rises towards a span's start, so that its value
+    /// at the end is valid in all of it.
     OpenToEnd,
     /// It may.
     Limited,
@@ -95,7 +95,8 @@ impl Interpolator {
         }
     }
 
-    /// Starts anew at rest on `start`, in the units of `joint_channels`. In its place: it is large for a stack.
+    /// Restarts at rest on `start`, in the units of `joint_channels`. In place, because it is too large for a
+    /// stack.
     pub fn start_at(&mut self, start: &ChannelPoint, joint_channels: &JointChannels) {
         self.joint_channels = joint_channels.clone();
         self.shape = SpanShape::at_rest(start);
@@ -132,7 +133,7 @@ impl Interpolator {
         &self.present().load
     }
 
-    /// Spans begun since the stream's start, and whole ticks since the present one's start.
+    /// Spans begun since the stream's start, and whole ticks since the current one's start.
     #[inline]
     pub fn spans_and_ticks(&self) -> (u32, u16) {
         (self.spans_begun, (self.local_q16 >> 16) as u16)
@@ -157,7 +158,7 @@ impl Interpolator {
         self.duration_q16 - self.local_q16
     }
 
-    /// True if nothing moves during the present span, or none has begun.
+    /// True if nothing moves during the current span, or none has begun.
     pub fn is_dwell(&self) -> bool {
         self.dwells
     }
@@ -210,8 +211,8 @@ impl Interpolator {
         }
     }
 
-    /// Begins the next span if the present one is over and one waits, so that its dwell or load is
-    /// known before the head moves. True if a span was begun.
+    /// Begins the next span if the current one is over and one is queued, so that its dwell or load
+    /// is known before the head moves. True if a span was begun.
     #[inline]
     pub fn begin_next(&mut self, queue: &mut KnotQueue) -> bool {
         self.remaining_q16() == 0 && self.begin_from_rest(queue)
@@ -265,12 +266,12 @@ impl Interpolator {
         self.ready > 0
     }
 
-    /// Forgets what was prepared of spans that will not come. Only before a new start.
+    /// Drops prepared spans that will not be executed. Only before a new start.
     pub fn forget_next(&mut self) {
         self.ready = 0;
     }
 
-    /// Moves segment time on, through as many spans as it takes.
+    /// Advances segment time, over as many spans as necessary.
     #[inline(always)]
     pub fn advance(&mut self, step_q16: u32, queue: &mut KnotQueue) {
         if step_q16 < self.remaining_q16() {
