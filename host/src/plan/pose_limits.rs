@@ -37,15 +37,15 @@ pub fn pose_limits(settings: &Settings) -> PoseLimits {
 /// The built-in machine's tip acceleration, mm/s², for which prices of area are said.
 const TIP_ACCELERATION_MM_S2: f64 = 3000.0;
 
-/// What area is worth, s/mm²: the quality's price for the built-in machine and nozzle, the same for all in units of the
-/// nozzle's area and the time in which it passes its width from rest.
+/// Price of area, s/mm²: the quality's price for the built-in machine and nozzle, the same for all in units of the
+/// nozzle's area and the time in which it moves by its width from rest.
 pub fn price_s_mm2(settings: &Settings) -> f64 {
     let unit_mm = settings.aperture.unit_mm();
     let times = (unit_mm * TIP_ACCELERATION_MM_S2 / settings.tip_acceleration_mm_s2).sqrt();
     settings.quality.price_s_mm2() * times / (unit_mm * unit_mm)
 }
 
-/// What time is worth in area, covered or left open.
+/// Value of time in area, covered or left open.
 #[derive(Clone, Copy, Debug)]
 pub struct AreaPrice {
     limits: PoseLimits,
@@ -61,7 +61,7 @@ impl AreaPrice {
         }
     }
 
-    /// The same for area that is worth so many times as much.
+    /// The same for area with a price multiplied by a factor.
     pub fn times(self, factor: f64) -> AreaPrice {
         AreaPrice {
             price_s_mm2: factor * self.price_s_mm2,
@@ -69,8 +69,8 @@ impl AreaPrice {
         }
     }
 
-    /// The area that a move from a bead and back to it must bring, mm²: `way` is out and back with a
-    /// stop where it turns back, and ends where it began.
+    /// The area that a move from a bead and back to it must gain, mm²: `way` is out and back with a
+    /// stop where it turns back, and ends at its start.
     pub fn of_gap_fill_mm2(&self, way: &[Configuration]) -> f64 {
         let (mut way_mm, mut turn_rad) = (0.0, 0.0);
         let starts = way.last().into_iter().chain(way);

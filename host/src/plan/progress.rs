@@ -16,7 +16,7 @@ pub enum Stage {
     Contour,
     /// Medial axes found, by region.
     Axis,
-    /// Passes laid and headings found, by region.
+    /// Passes made and headings found, by region.
     Passes,
     /// Passes ordered, joined and gaps filled, by region.
     Order,
@@ -37,7 +37,7 @@ impl Stage {
         Stage::Figures,
     ];
 
-    /// A word or two for the eye.
+    /// A word or two for display.
     pub fn name(self) -> &'static str {
         match self {
             Stage::Contour => "contours",
@@ -50,12 +50,12 @@ impl Stage {
     }
 }
 
-/// Whoever was told wants no more.
+/// The receiver of the progress has stopped planning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("stopped as asked")]
 pub struct Stopped;
 
-/// Whoever is told.
+/// A receiver of progress.
 pub trait Progress: Sync {
     /// `done` of `total` steps of a stage are done.
     fn at(&self, stage: Stage, done: usize, total: usize);
@@ -103,7 +103,7 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// Does the work of one step and tells that it is done, unless planning is to end.
+    /// Does the work of one step and reports it as done, unless planning is to end.
     ///
     /// # Errors
     /// [`Stopped`].
@@ -131,8 +131,8 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Items that are worked on side by side: enough for any number of threads where they are small; of
-/// large ones each keeps all threads busy, and the memory of all is not needed at once.
+/// Items processed in parallel: enough for any number of threads if they are small; a large one
+/// keeps all threads busy, so that not all of them have to be in memory at once.
 pub const SIDE_BY_SIDE: usize = 64;
 
 /// One step for each item, some side by side, up to the first that fails.

@@ -95,7 +95,7 @@ impl Axis {
 /// Least length of a link that is split off.
 const SPLIT_MIN_MM: f64 = 1e-6;
 
-/// The nodes that hang together with `seed` by way of those that `keep` takes, marked as seen.
+/// The nodes connected with `seed` through nodes that `keep` accepts, marked as seen.
 pub fn flood(
     seed: usize,
     neighbours: &[Vec<u32>],
@@ -127,8 +127,8 @@ struct Subtree {
 }
 
 impl Axis {
-    /// Prunes the whole interior medial axis. Where nothing would stay of a component (a square),
-    /// its widest point does, if the aperture fits there.
+    /// Prunes the complete interior medial axis. If nothing of a component would remain (a square),
+    /// its widest point is kept, if the aperture fits there.
     pub fn of_medial_axis(axis: &MedialAxis, aperture: &Aperture) -> Axis {
         let mut subtree = Subtree::of(axis);
         let widest = subtree.widest_of_branch_tips(aperture.minor_mm());

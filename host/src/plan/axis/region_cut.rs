@@ -10,9 +10,9 @@ use crate::geometry::{Point2, Vector2};
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::float::slice::FloatSlice;
 
-/// The cut across the passage at an axis node: wall foot, node, wall foot; the feet are those that lie
-/// on either side of `seen_from`, the node or one near it. Each end is on a corner of the wall or drawn
-/// a little beyond the wall, so that the slice surely parts the region.
+/// The cut across the passage at an axis node: wall foot, node, wall foot; the feet are those on either
+/// side of `seen_from`, the node or one near it. Each end is on a corner of the wall or a little beyond
+/// the wall, so that the cut certainly divides the region.
 pub fn chord(
     at: Point2,
     towards: Point2,

@@ -12,8 +12,8 @@
 use crate::geometry::aperture::Aperture;
 use crate::plan::axis::pruned_axis::Axis;
 
-/// Most beads across r; wider regions are refused upstream by the input's size limits, beyond
-/// this the beads simply stay at their widest (and the gap shows in the figures).
+/// Maximum number of beads across r; wider regions are refused by the input's size limits, and
+/// beyond this the beads stay at their widest (and the gap shows in the figures).
 pub const BEADS_MAX: usize = 4096;
 
 /// Weight of one change of k against the other costs, in units of the aperture of printed path.
@@ -25,8 +25,8 @@ const NODE_LEAST: f64 = 0.01;
 /// Printed path of one bead, per mm of axis: it lies on both sides.
 const BEAD_WEIGHT: f64 = 2.0;
 
-/// How wide a channel, the ground between neighbouring beads' edges that one bead is to cover, may
-/// be, mm.
+/// Range of the width of a bead channel, the strip between neighbouring beads' edges that one bead
+/// is to fill, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelWidths {
     /// Of the narrowest bead.
@@ -38,7 +38,7 @@ pub struct ChannelWidths {
 }
 
 impl ChannelWidths {
-    /// Of beads that lie over each other by this share of their width.
+    /// For beads that overlap by this share of their width.
     pub fn of(aperture: &Aperture, overlap: f64) -> ChannelWidths {
         let [least_mm, most_mm] = [aperture.minor_mm(), WIDEST_SHARE * aperture.major_mm()]
             .map(|half_mm| 2.0 * half_mm * (1.0 - overlap));
@@ -92,8 +92,9 @@ pub fn bead_counts(axis: &Axis, widths: ChannelWidths) -> Vec<f64> {
     chosen.into_iter().map(|state| (state + 1) as f64).collect()
 }
 
-/// Spreads each change of k over about `blend_mm` of axis by diffusion, nowhere below what the
-/// widest beads need: a short wide place, such as the middle of a star, would be left open.
+/// Spreads each change of k over about `blend_mm` of axis by diffusion, nowhere below the count for
+/// the widest beads: otherwise a short wide place, such as the middle of a star, would be left
+/// open.
 pub fn blended(
     axis: &Axis,
     counts: &[f64],

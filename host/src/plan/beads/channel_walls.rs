@@ -31,7 +31,7 @@ const ROUNDING_MM: f64 = 1e-6;
 /// Rounds of [1 2 1] / 4 over the shifts and over the moved wall.
 const SHIFT_ROUNDS: usize = 2;
 
-/// The apertures of all beads laid so far, hashed by place.
+/// The apertures of all beads so far, hashed by position.
 #[derive(Clone, Debug)]
 pub struct Laid {
     aperture: Aperture,
@@ -40,7 +40,7 @@ pub struct Laid {
 }
 
 impl Laid {
-    /// Nothing laid yet.
+    /// No beads yet.
     pub fn new(aperture: &Aperture) -> Laid {
         Laid {
             aperture: *aperture,
@@ -110,8 +110,8 @@ impl Laid {
         self.aperture.chord_mm(pose.turn, offset, normal)
     }
 
-    /// How far along `normal` from `p` the beads on the outer side reach, mm; `None` where none
-    /// meets the line.
+    /// Extent of the beads on the outer side from `p` along `normal`, mm; `None` if none meets the
+    /// line.
     pub fn edge_mm(&self, p: Point2, normal: Vector2) -> Option<f64> {
         let own_side = OWN_SIDE_SHARE * self.aperture.minor_mm();
         let mut edge: Option<f64> = None;
@@ -129,9 +129,9 @@ impl Laid {
         edge
     }
 
-    /// The level curve moved onto the edge of what was laid, at most `OUT_SHARE` and `IN_SHARE` of
-    /// the aperture away, and from there back over it by `overlap_mm` (of a place and the normal
-    /// there).
+    /// The level curve moved onto the edge of the covered area, by at most `OUT_SHARE` and
+    /// `IN_SHARE` of the aperture, and from there back into it by `overlap_mm` (a function of a
+    /// point and the normal there).
     pub fn moved_wall(
         &self,
         ring: &Ring,

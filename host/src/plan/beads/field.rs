@@ -34,8 +34,8 @@ const NONE: u32 = u32::MAX;
 const MARGIN: Vector2 = Vector2::new(2.37, 2.61);
 
 impl Field {
-    /// Computes the field over the region that `walls` bounds; `beads` is k at the axis nodes.
-    /// Nowhere is a channel wider than `widest_mm`: where several arms of the axis meet, the way from
+    /// Computes the field over the region that `walls` bounds; `beads` is k at the axis nodes. No
+    /// bead channel is wider than `widest_mm`: where several arms of the axis meet, the distance from
     /// the wall to the axis is longer than r at its foot.
     pub fn new(
         walls: &EdgeIndex,

@@ -39,8 +39,7 @@ const SEARCH_ROUNDS: usize = 48;
 /// would be little more than their two ends.
 const LOOPS_SHARE: f64 = 6.0;
 
-/// Everything that covers the ground inside the walls: lines, and loops where a solid infill has too
-/// little room for lines.
+/// All passes inside the walls: lines, and loops where a solid infill has too little room for lines.
 pub fn infill_passes(
     regions: &[Region],
     infill: &Infill,
@@ -70,7 +69,7 @@ pub fn infill_passes(
     found
 }
 
-/// Lines side by side over ground that nothing is below, all in the direction `angle_rad`.
+/// Parallel lines over open space, all in the direction `angle_rad`.
 pub fn bridge_lines(regions: &[Region], angle_rad: f64, settings: &PassSettings) -> Vec<LayerPass> {
     let infill = Infill {
         angle_rad,

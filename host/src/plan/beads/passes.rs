@@ -63,10 +63,9 @@ impl PassSettings {
         width_mm * (1.0 + over / own)
     }
 
-    /// The extent across the passage that the law's angle gives where half the bead is to be
-    /// `half_mm` wide: the same for the tangent law; for the linear law that of
-    /// |alpha| = (1 - w) 90° with w = (half - b) / (a - b), which is r of docs/design/heading-law.md halved in
-    /// two-pass and r itself in one-pass.
+    /// The extent across the passage at the law's angle for half a bead width of `half_mm`: the same for the
+    /// tangent law; for the linear law that of |alpha| = (1 - w) 90° with w = (half - b) / (a - b), which is r
+    /// of docs/design/heading-law.md halved in two-pass and r itself in one-pass.
     pub fn law_extent_mm(&self, half_mm: f64) -> f64 {
         let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
         match self.law {
@@ -134,8 +133,8 @@ pub fn passes(
     outer_passes(region, walls, axis, settings, CHANNELS_MAX).0
 }
 
-/// The outermost `channels` loops of one region, and the rings that bound what they leave open,
-/// inside on the left (they may cross themselves by a little).
+/// The outermost `channels` loops of one region, and the rings that bound the remaining area,
+/// inside on the left (they may cross themselves slightly).
 pub fn outer_passes(
     region: &Region,
     walls: &EdgeIndex,

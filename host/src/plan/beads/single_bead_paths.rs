@@ -13,12 +13,12 @@ use crate::geometry::union_find::root;
 use crate::plan::axis::pruned_axis::Axis;
 use std::collections::{HashMap, HashSet};
 
-/// One way along the axis.
+/// One path along the axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SingleBeadPath {
     /// Nodes in order; of a closed single-bead path the first is not repeated.
     pub nodes: Vec<usize>,
-    /// The joints that its ends lie at, not among the nodes: other single-bead paths pass there.
+    /// The junctions at its ends, not among the nodes: other single-bead paths pass there.
     pub joints: [Option<usize>; 2],
     /// True where the last node is linked with the first.
     pub closed: bool,
@@ -27,9 +27,9 @@ pub struct SingleBeadPath {
 /// A branch where it leaves a joint: the joint and the next node.
 type Leg = (usize, usize);
 
-/// The single-bead paths of the graph that the `usable` nodes of the axis span, each link in one of
-/// them. Directions at joints are taken over `reach_mm`. Nodes without a usable neighbour are left
-/// out.
+/// The single-bead paths of the graph of the `usable` nodes of the axis, each link in one of them.
+/// Directions at junctions are measured over `reach_mm`. Nodes without a usable neighbour are
+/// omitted.
 pub fn single_bead_paths(
     axis: &Axis,
     neighbours: &[Vec<u32>],

@@ -24,7 +24,7 @@ pub struct SingleRun {
     pub closed: bool,
 }
 
-/// A piece of the region for two-sided channels, with its part of the axis.
+/// A part of the region for two-sided channels, with its part of the axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
     /// Outline, the cutting chords included.
@@ -42,7 +42,7 @@ pub struct Split {
     pub runs: Vec<SingleRun>,
 }
 
-/// Divides a region into single runs and two-sided pieces. `axis` must be densified.
+/// Divides a region into single beads and two-sided parts. `axis` must be densified.
 pub fn split_region(
     region: &Region,
     walls: &EdgeIndex,

@@ -25,9 +25,9 @@ const PART_MAX: usize = 300;
 /// Nearest odd nodes that ways are sought to from each.
 const NEAREST: usize = 24;
 
-/// Which links to choose. `links` are pairs of nodes below `count`, `costs` what choosing each costs
-/// (less than 0 where it saves), `odd_cost` what each odd node costs. Least of all sums where no more
-/// than 300 odd nodes hang together and 24 of them are near each other; of equals few links change.
+/// The links to choose. `links` are pairs of nodes below `count`, `costs` the cost of choosing each
+/// (negative for a saving), `odd_cost` the price of each odd node. The sum is minimal if no more than
+/// 300 odd nodes are connected and 24 of them are near each other; among equals few links change.
 pub fn cheapest_links(count: usize, links: &[[u32; 2]], costs: &[f64], odd_cost: f64) -> Vec<bool> {
     let costs: Vec<i64> = costs.iter().map(|&cost| whole(cost)).collect();
     let mut chosen: Vec<bool> = costs.iter().map(|&cost| cost < 0).collect();

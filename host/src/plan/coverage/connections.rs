@@ -27,8 +27,8 @@ const BOTH: Shape = |t| [t, t];
 const TURN_FIRST: Shape = |t| [(2.0 * t - 1.0).max(0.0), (2.0 * t).min(1.0)];
 const MOVE_FIRST: Shape = |t| [(2.0 * t).min(1.0), (2.0 * t - 1.0).max(0.0)];
 
-/// A straight way that stays inside, the start left out: with the shorter turn, or else the other
-/// way round, none of more than `turn_max_rad`; turning on the way, before or after it.
+/// A straight connection inside the walls, without its start: with the shorter turn, or else in the
+/// other direction, of no more than `turn_max_rad`; it turns while it moves, before or after it.
 pub fn connection(
     from: Configuration,
     to: Configuration,
@@ -55,9 +55,9 @@ pub fn connection(
 /// How far beside the middle of the straight way a bent one goes, against b, the least first.
 const BESIDE_SHARES: [f64; 9] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0];
 
-/// A way like [`connection`], or else one of two such ways, one behind the other, that meet where
-/// there is room: around a corner of the walls, or after a turn that is too large or too wide for
-/// one. Either of them turns by `turn_max_rad` at most.
+/// A connection like [`connection`], or else two of them in sequence that meet where there is room:
+/// around a corner of the walls, or for a turn that is too large or too wide for one. Each of them
+/// turns by `turn_max_rad` at most.
 pub fn bent_connection(
     from: Configuration,
     to: Configuration,
@@ -98,7 +98,7 @@ fn bends(
     })
 }
 
-/// The straight way, the start left out, in steps that begin and end small.
+/// The straight connection, without its start, in steps that begin and end small.
 pub fn eased(from: Configuration, to: Configuration, aperture: &Aperture) -> Vec<Configuration> {
     let turn = turn_to(aperture, from.heading_rad, to.heading_rad);
     shaped(from, to, turn, BOTH, aperture)
@@ -136,8 +136,8 @@ fn shaped(
         .collect()
 }
 
-/// The way slid off the walls where it cuts them; `None` where that does not help, or where the
-/// slide is so long that the way would no longer be a way.
+/// The connection, slid off the walls where it cuts them; `None` if that does not help, or if the
+/// slide is so long that the connection would be broken.
 pub fn inside_connection(
     way: Vec<Configuration>,
     aperture: &Aperture,

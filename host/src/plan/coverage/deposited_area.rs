@@ -25,7 +25,7 @@ pub struct DepositedArea {
 }
 
 impl DepositedArea {
-    /// The ground of `passes` within `walls`, if the raster is fine enough for the aperture.
+    /// The area of `passes` within `walls`, if the raster is fine enough for the aperture.
     pub fn of_passes(
         passes: &[LayerPass],
         walls: &EdgeIndex,
@@ -38,7 +38,7 @@ impl DepositedArea {
         })
     }
 
-    /// What cuts of a pass would cost, its placements given.
+    /// The costs of cuts of a pass with these placements.
     pub fn cuts_of(&self, placements: &[Placement]) -> CutCosts {
         let mut cells = self.laid_once(placements);
         cells.sort_unstable_by_key(|cell| cell.begin_without());
@@ -108,7 +108,7 @@ impl LaidCell {
     }
 }
 
-/// What it costs to cut a pass at its placements, in cells of the raster.
+/// The cost of cutting a pass at each of its placements, in cells of the raster.
 pub struct CutCosts {
     /// Sorted by [`LaidCell::begin_without`].
     cells: Vec<LaidCell>,
@@ -117,8 +117,8 @@ pub struct CutCosts {
 }
 
 impl CutCosts {
-    /// What a cut after placement `cut` costs at best, and with which placement, `begin_max` at the
-    /// most, the second piece then begins.
+    /// The least cost of a cut after placement `cut`, and the placement, `begin_max` at most, with
+    /// which the second part then begins.
     pub fn cut(&self, cut: usize, begin_max: usize) -> (i64, usize) {
         let mut cells = self.cells[self.cells.partition_point(|c| c.begin_without() <= cut)..]
             .iter()

@@ -53,7 +53,7 @@ pub struct GapRaster {
     searches: u32,
 }
 
-/// What a gap-fill move covers, whatever the others do.
+/// The area that a gap-fill move covers, regardless of other moves.
 pub struct Footprint {
     cells: Vec<FootprintCell>,
 }
@@ -78,7 +78,7 @@ impl FootprintCell {
 }
 
 impl GapRaster {
-    /// The raster of what `passes` cover within `walls`.
+    /// The raster of the area that `passes` cover within `walls`.
     pub fn of(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> GapRaster {
         let coverage = within_walls(passes, walls, aperture, CELLS_MAX, f64::MAX);
         let cells = coverage.cells.len();
@@ -157,7 +157,7 @@ impl GapRaster {
         Some(gap)
     }
 
-    /// The placement in or about a gap with the largest gain, if any is worth its way.
+    /// The placement in or near a gap with the largest gain, if any is worth its distance.
     pub fn best_placement(
         &self,
         gap: &[u32],
@@ -291,8 +291,8 @@ impl GapRaster {
         }
     }
 
-    /// What a gap-fill move from behind placement `after` covers, and where the 4a of the pass
-    /// before and after it do.
+    /// The area that a gap-fill move after placement `after` covers, and that of the 4a of the pass
+    /// before and after it.
     pub fn footprint(
         &self,
         pass: &LayerPass,

@@ -17,8 +17,8 @@ const ALONE_SHARE_MIN: f64 = 1.0;
 /// A pass that covers this share of its ground alone stays, however small: nothing else is near.
 const APART_SHARE: f64 = 0.9;
 
-/// Drops passes that cover next to nothing alone. `bounds` holds all passes. Where the raster is too coarse for the
-/// aperture all stay.
+/// Drops passes that alone cover almost no area. `bounds` contains all passes. If the raster is too coarse for the
+/// aperture all are kept.
 pub fn drop_idle(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2) {
     let mut raster = Raster::of_passes(passes, bounds, aperture, CELL_SHARE);
     if raster.is_fine() {

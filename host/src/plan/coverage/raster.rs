@@ -27,7 +27,7 @@ use crate::plan::pass::{LayerPass, bounds_of};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Raster cell against the minor semi-axis where nothing else is said, and most cells.
+/// Default ratio of a raster cell to the minor semi-axis, and maximum number of cells.
 pub const CELL_SHARE: f64 = 0.1;
 pub const CELLS_MAX: usize = 8_000_000;
 /// Largest cell against the minor semi-axis: a coarser raster (of a region of more than about 0.3 m
@@ -79,7 +79,8 @@ impl Raster {
         }
     }
 
-    /// How many of `passes`, which lie within `bounds`, cover each cell, in cells of this share of b.
+    /// The number of `passes`, all within `bounds`, that cover each cell, for cells of this share of
+    /// b.
     pub fn of_passes(
         passes: &[LayerPass],
         bounds: &Box2,
@@ -122,7 +123,7 @@ impl Raster {
         &self.grid
     }
 
-    /// How many passes cover a cell.
+    /// The number of passes that cover a cell.
     pub fn count(&self, cell: usize) -> u32 {
         u32::from(self.counts[cell])
     }
@@ -132,7 +133,7 @@ impl Raster {
         self.grid.cell_area_mm2()
     }
 
-    /// True where the cells are small enough to tell where a bead ends.
+    /// True if the cells are small enough to resolve the end of a bead.
     pub fn is_fine(&self) -> bool {
         is_fine(self.grid.cell_mm, &self.aperture)
     }
@@ -163,8 +164,9 @@ impl Raster {
     }
 }
 
-/// The poses of passes by place. Few connections are asked for, each over a few apertures: only the
-/// cells about a connection are stamped, where a raster of a whole region would cost far more.
+/// The poses of passes by position. There are few queries for connections, each over a few
+/// apertures: only the cells near a connection are stamped, because a raster of the complete region
+/// would cost far more.
 pub struct NearbyPasses {
     aperture: Aperture,
     grid: CellGrid,
@@ -188,7 +190,7 @@ impl NearbyPasses {
         &self.aperture
     }
 
-    /// Area of beads that a connection covers again, mm²; what lies under the stretches of path
+    /// Area of beads that a connection covers again, mm²; the area under the stretches of path
     /// `own` does not count.
     pub fn recovered_mm2(&self, own: [Vec<Configuration>; 2], connection: &[Configuration]) -> f64 {
         const OWN: u8 = 1;
@@ -216,7 +218,7 @@ impl NearbyPasses {
     }
 }
 
-/// Cells that a pose covers and the one before it does not, and those of them that nothing covered
+/// Cells that a pose covers and the previous one does not, and those of them that were uncovered
 /// before.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Advance {
@@ -226,8 +228,8 @@ pub struct Advance {
     pub fresh: u32,
 }
 
-/// For each pose its advance over the one before it, all of it where it is the first of a pass
-/// (`starts`). `sizes` are those of the aperture at each pose against its own, or empty where it has its own at all.
+/// For each pose its advance over the previous one, or all of it at the start of a pass (`starts`). `sizes` are
+/// those of the aperture at each pose relative to its own, or empty if they are all 1.
 pub fn newly_covered(
     poses: &[Configuration],
     starts: &[bool],
@@ -306,13 +308,13 @@ fn stamp<T: Send, N: Clone + Send + Sync>(
     });
 }
 
-/// True where cells of this size tell where a bead ends.
+/// True if cells of this size resolve the end of a bead.
 pub fn is_fine(cell_mm: f64, aperture: &Aperture) -> bool {
     cell_mm <= FINE_SHARE_MAX * aperture.minor_mm()
 }
 
-/// What passes cover of the region within `walls`, on a raster of at most so many cells; a pass
-/// that comes back after `return_mm` of path covers the place again.
+/// Coverage of the region within `walls` by passes, on a raster with a maximum number of cells; a
+/// pass that returns after `return_mm` of path covers the place again.
 pub fn within_walls(
     passes: &[LayerPass],
     walls: &EdgeIndex,

@@ -24,7 +24,7 @@ const SLIDES: usize = 4;
 /// See [`SLIDES`].
 const CUT_SHARE: f64 = 1e-3;
 
-/// The curve with a detour around each run of bad spans that has one; `None` where none has.
+/// The curve with a detour around each group of bad spans that has one; `None` if none has.
 pub fn detoured(
     control: &[PlaneControl],
     bad: &[bool],

@@ -35,13 +35,13 @@ const PACE_SHARES: [f64; 2] = [0.45, 0.33];
 pub struct EvenSpans {
     /// Control points.
     pub control: Vec<PlaneControl>,
-    /// Logarithm of the time of a span there, s.
+    /// Logarithm of the time of a span, s.
     pub log_pace: Vec<f64>,
     /// The nearest control point of the curve that was given.
     pub numbers: Vec<usize>,
 }
 
-/// The curve of `control`, at least two points, in even spans. Ends stay where they are.
+/// The curve of `control`, at least two points, in even spans. Its ends do not move.
 pub fn even_spans(control: &[PlaneControl], aperture: &Aperture, limits: &PoseLimits) -> EvenSpans {
     let span_mm = SPAN_SHARE * aperture.major_mm();
     let way = Way::of(control, FINE, TURN_SHARE * aperture.major_mm());
@@ -62,7 +62,7 @@ pub fn even_spans(control: &[PlaneControl], aperture: &Aperture, limits: &PoseLi
     }
 }
 
-/// A curve as poses that lie close, and the way to each of them.
+/// A curve as closely spaced poses, with the distance along it to each.
 pub struct Way {
     poses: Vec<PlaneControl>,
     /// Way to each, a turn counted as a length, mm.
@@ -72,8 +72,8 @@ pub struct Way {
 }
 
 impl Way {
-    /// Along the curve of `control`, at least two points, with so many poses of a span; a turn by a radian counts as
-    /// `turn_mm`.
+    /// Along the curve of `control`, at least two points, with a number of poses per span; a turn by a radian counts
+    /// as `turn_mm`.
     pub fn of(control: &[PlaneControl], of_span: usize, turn_mm: f64) -> Way {
         let spans = control.len() - 1;
         let poses = (0..=spans * of_span).map(|k| {
@@ -96,12 +96,12 @@ impl Way {
         }
     }
 
-    /// The whole way, mm.
+    /// The total distance, mm.
     pub fn whole_mm(&self) -> f64 {
         self.way_mm.last().copied().unwrap_or(0.0)
     }
 
-    /// Poses at so many even steps of it, both ends among them, and the number of the control point that is nearest to each.
+    /// Poses at even steps of it, including both ends, and the number of the control point nearest to each.
     pub fn even_steps(&self, steps: usize) -> (Vec<PlaneControl>, Vec<usize>) {
         let (fine, way_mm, whole_mm) = (&self.poses, &self.way_mm, self.whole_mm());
         let (mut poses, mut numbers) =

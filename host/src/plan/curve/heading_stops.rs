@@ -56,7 +56,7 @@ impl<'a> PassCutter<'a> {
         }
     }
 
-    /// All passes, in pieces where they turn further than the nozzle may; `None` where none does. With the most room,
+    /// All passes, divided where they turn further than the nozzle may; `None` if none does. With the largest margin,
     /// since an optimiser turns them a little further.
     pub fn cut(&self) -> Option<Vec<LayerPass>> {
         let headings_fit = |pass: &LayerPass| {
@@ -74,9 +74,9 @@ impl<'a> PassCutter<'a> {
         Some(pieces.flatten().collect())
     }
 
-    /// The curves of a pass, made by `curves_of` of all of it or of as few pieces as will turn no
-    /// further than the nozzle may. Where some heading fits nowhere between the stops the pass
-    /// stays whole: the check of the joints' ranges then names the place.
+    /// The curves of a pass, made by `curves_of` from all of it or from as few parts as will turn
+    /// no further than the nozzle may. If a heading fits nowhere between the stops the pass is not
+    /// divided: the check of the joints' ranges then names the place.
     pub fn curves(
         &self,
         pass: &LayerPass,

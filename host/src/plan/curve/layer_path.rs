@@ -32,12 +32,12 @@ const SPANS_MIN: usize = 2;
 /// Share of the outside tolerance that the path may use; the rest is the fit's.
 const PATH_SHARE: f64 = 0.4;
 
-/// How deep a pose of a curve may cut, mm.
+/// Largest depth to which a pose of a curve may cut, mm.
 pub fn path_tolerance_mm(settings: &Settings) -> f64 {
     PATH_SHARE * settings.tolerances.outside_mm
 }
 
-/// The printed curves of an opened pass, in order: one, or several where the aperture does not fit in
+/// The printed curves of an opened pass, in order: one, or several if the aperture does not fit in
 /// between.
 pub fn pass_curves(pass: &LayerPass, inside: &InsideWalls) -> Vec<Vec<PlaneControl>> {
     if pass.placements.is_empty() {
@@ -61,8 +61,8 @@ pub fn pass_curves(pass: &LayerPass, inside: &InsideWalls) -> Vec<Vec<PlaneContr
     curves
 }
 
-/// A curve of one piece inside the walls, pushed and led around as that of a pass is; `None` where it would have to
-/// be cut.
+/// One undivided curve inside the walls, pushed and led around like that of a pass; `None` if it would have to be
+/// cut.
 pub fn whole_inside(control: &[PlaneControl], inside: &InsideWalls) -> Option<Vec<PlaneControl>> {
     led(control.to_vec(), inside).ok()
 }
@@ -181,8 +181,8 @@ pub fn merged(pass: &LayerPass, aperture: &Aperture) -> (Vec<PlaneControl>, Vec<
     (control, numbers)
 }
 
-/// True where the second difference of a control polygon is its curve's curvature, no corner;
-/// `step_mm` is the way to the next control point.
+/// True if the second difference of a control polygon is its curve's curvature and not a corner;
+/// `step_mm` is the distance to the next control point.
 pub fn is_smooth(second: &PlaneControl, step_mm: f64) -> bool {
     second[0].hypot(second[1]) < SMOOTH_SHARE * step_mm
 }

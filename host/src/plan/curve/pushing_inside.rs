@@ -30,8 +30,8 @@ const ROUNDS_MAX: usize = 40;
 const TURNING_ROUND: usize = 8;
 /// Sweeps in which poses are taken back one by one.
 const PROJECTIONS_MAX: usize = 200;
-/// What a control point may be moved in all, against b: farther, more than half of the narrowest bead
-/// lies where it should not. On slices nearly all pushes that settle move less than 0.9 of it.
+/// Largest total displacement of a control point, relative to b: beyond it, more than half of the
+/// narrowest bead is misplaced. On slices nearly all pushes that converge move less than 0.9 of it.
 pub const NEAR_SHARE: f64 = 1.0;
 /// Spans that are worth a thread.
 const SPANS_AT_ONCE: usize = 64;
@@ -56,21 +56,21 @@ struct Look {
     depth_mm: f64,
 }
 
-/// What keeps inside what.
+/// An aperture and the walls inside which it stays.
 #[derive(Clone, Copy)]
 pub struct InsideWalls<'a> {
     /// The aperture.
     pub aperture: &'a Aperture,
     /// The walls that it keeps inside of.
     pub walls: &'a EdgeIndex,
-    /// How deep a pose may cut, mm.
+    /// Largest depth to which a pose may cut, mm.
     pub tolerance_mm: f64,
-    /// How large the aperture is by place, where the plane is the chart of curved ground.
+    /// Size of the aperture by position, if the plane is the chart of a curved surface.
     pub scale: Option<&'a ScaleField>,
 }
 
 impl<'a> InsideWalls<'a> {
-    /// On flat ground.
+    /// On a flat surface.
     pub fn flat(
         aperture: &'a Aperture,
         walls: &'a EdgeIndex,
@@ -84,8 +84,8 @@ impl<'a> InsideWalls<'a> {
         }
     }
 
-    /// Pushes the control points of cutting spans back along the contact normal, from `TURNING_ROUND`
-    /// on turns them as well. True if no pose cuts any more, looked at closely.
+    /// Pushes the control points of cutting spans back along the contact normal, and from
+    /// `TURNING_ROUND` on turns them as well. True if a close check finds no cutting pose any more.
     pub fn push(&self, control: &mut [PlaneControl]) -> bool {
         let spans = control.len().saturating_sub(1);
         let mut dirty = vec![true; spans];
@@ -105,11 +105,11 @@ impl<'a> InsideWalls<'a> {
         false
     }
 
-    /// Takes one pose after the other back by the least move and turn of the control points it hangs on
-    /// (Kaczmarz, 1937, each step with the contacts as they then are). Slower than pushing all at once,
-    /// yet what one pose needs is not taken for what the next one does. Given up once a control point is
-    /// taken farther than `far_mm`: it would go on and on, and spans grow on the way. Which spans cut in
-    /// the end.
+    /// Moves one pose after another back by the least displacement and rotation of its control points
+    /// (Kaczmarz, 1937, each step with the current contacts). This is slower than pushing all at once,
+    /// but the correction of one pose is not confused with that of the next. It stops once a control
+    /// point is moved farther than `far_mm`: it would not converge, and spans would grow. Returns the
+    /// spans that cut in the end.
     pub fn project(&self, control: &mut [PlaneControl], far_mm: f64) -> Vec<bool> {
         let spans = control.len().saturating_sub(1);
         let look = self.close_look();
@@ -137,7 +137,7 @@ impl<'a> InsideWalls<'a> {
         self.cutting_spans(control)
     }
 
-    /// Which spans have a pose that cuts deeper than the tolerance or has left the region.
+    /// The spans with a pose that cuts deeper than the tolerance or has left the region.
     pub fn cutting_spans(&self, control: &[PlaneControl]) -> Vec<bool> {
         let look = self.close_look();
         (0..control.len().saturating_sub(1))
@@ -317,7 +317,7 @@ fn add_longer(own: &mut Vector2, other: Vector2) {
     }
 }
 
-/// Which spans of `after` lie farther than this from where they were before.
+/// The spans of `after` that have moved farther than this.
 pub fn strayed_spans(before: &[PlaneControl], after: &[PlaneControl], far_mm: f64) -> Vec<bool> {
     let moved = before.iter().zip(after);
     let strayed = moved.map(|(p, q)| (q[0] - p[0]).hypot(q[1] - p[1]) > far_mm);

@@ -33,7 +33,7 @@ use crate::geometry::{Point2, Vector2};
 use crate::plan::feasible::polygon::{Flat, polygon_angles};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Where interval ends lie, rad.
+/// Accuracy of interval ends, rad.
 pub const RESOLUTION_RAD: f64 = 1e-7;
 /// An aperture that fits when scaled down by this share fits: rounding, under a nanometre.
 pub const SLACK: f64 = 1e-9;
@@ -87,7 +87,7 @@ pub fn feasible_angles(
     FeasibleAngles::of_runs(search.runs, PI, Vec::new())
 }
 
-/// Whether any heading is feasible at `p`: no more of F(p) is found than that takes.
+/// Whether any heading is feasible at `p`: F(p) is evaluated only as far as necessary.
 pub fn is_touchable(aperture: &Aperture, index: &EdgeIndex, p: Point2, normal: Vector2) -> bool {
     let Aperture::Ellipse { major_mm, minor_mm } = aperture else {
         return !feasible_angles(aperture, index, p, normal).is_empty();
@@ -115,7 +115,7 @@ fn is_crowded(index: &EdgeIndex, p: Point2, reach_mm: f64) -> bool {
 }
 
 /// The configuration that touches `p` with heading angle `alpha_rad`: centre p + M N / h. With a
-/// flat side on the wall, one of its ends is at `p`; [`FeasibleAngles::placement`] knows better.
+/// flat side on the wall, one of its ends is at `p`; [`FeasibleAngles::placement`] is more exact.
 pub fn configuration_at(
     aperture: &Aperture,
     p: Point2,
@@ -345,8 +345,8 @@ impl FeasibleAngles {
         }
     }
 
-    /// The configuration that touches `p` with a feasible heading angle. Where a flat side lies on
-    /// the wall, its middle is as near to `p` as the walls allow.
+    /// The configuration that touches `p` with a feasible heading angle. If a flat side is on the
+    /// wall, its middle is as near to `p` as the walls permit.
     pub fn placement(
         &self,
         aperture: &Aperture,

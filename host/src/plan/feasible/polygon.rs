@@ -28,7 +28,7 @@ const NEAR_SHARE: f64 = 0.1;
 /// Edges between two looks whether anything is left free.
 const EDGES_BETWEEN: usize = 16;
 
-/// A side that may lie flat on the wall.
+/// A side that may be flat on the wall.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flat {
     /// The heading angle.

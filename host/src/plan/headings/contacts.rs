@@ -27,7 +27,7 @@ pub struct ContactSpacing {
     pub fan_rad: f64,
 }
 
-/// Contacts along one wall ring, in ring order (inside on the left). `extent_mm` is left 0.
+/// Contacts along one wall ring, in ring order (inside on the left). `extent_mm` is 0.
 pub fn wall_contacts(ring: &Ring, spacing: ContactSpacing) -> Vec<Contact> {
     let points = &ring.points;
     let count = points.len();
@@ -68,8 +68,8 @@ pub fn wall_contacts(ring: &Ring, spacing: ContactSpacing) -> Vec<Contact> {
     contacts
 }
 
-/// How many pieces of about `piece_mm` a length is divided into, at least one. Lengths of round
-/// measures often lie halfway between two counts: rounding must not choose.
+/// The number of parts of about `piece_mm` into which a length is divided, at least one. Lengths of
+/// round dimensions are often halfway between two counts, where rounding must not decide.
 pub fn whole_pieces(length_mm: f64, piece_mm: f64) -> usize {
     (length_mm / piece_mm - 1e-6).round().max(1.0) as usize
 }

@@ -12,9 +12,8 @@ use std::f64::consts::FRAC_PI_2;
 /// Rounding of a radius, on parts of metres.
 const ROUNDING_MM: f64 = 1e-9;
 
-/// The weight w in [0, 1] at radius `radius_mm`.
-/// Two-pass: 1 above 2a, linear between 2b and 2a, 1 below 2b (the law has no say there).
-/// One-pass: (r - b) / (a - b), clamped.
+/// The weight w in [0, 1] at radius `radius_mm`. Two-pass: 1 above 2a, linear between 2b and 2a, 1
+/// below 2b (where the law does not apply). One-pass: (r - b) / (a - b), clamped.
 pub fn weight(aperture: &Aperture, radius_mm: f64, pass: PassMode) -> f64 {
     let (a, b) = (aperture.major_mm(), aperture.minor_mm());
     match pass {
@@ -34,9 +33,9 @@ fn two_fit(a: f64, b: f64, radius_mm: f64) -> bool {
 
 /// The law's angle between normal and major axis, in [0, 90°], before it is restricted to F(p).
 ///
-/// `Linear` is (1 - w) 90°. `Tangent` is the angle at which the aperture touches what it should:
-/// boundary and medial axis in two-pass (2e = r), both walls in one-pass (e = r); in two-pass it is
-/// 0 outside [2b, 2a], in one-pass r is clamped to [b, a].
+/// `Linear` is (1 - w) 90°. `Tangent` is the angle at which the aperture touches the desired
+/// curves: boundary and medial axis in two-pass (2e = r), both walls in one-pass (e = r); in
+/// two-pass it is 0 outside [2b, 2a], in one-pass r is clamped to [b, a].
 pub fn law_angle_rad(aperture: &Aperture, radius_mm: f64, pass: PassMode, law: HeadingLaw) -> f64 {
     if aperture.is_round() {
         return 0.0;

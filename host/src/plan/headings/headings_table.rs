@@ -27,12 +27,12 @@ const TIE_RAD: f64 = 1e-6;
 /// Most pieces of one edge, whatever the spacing asked for.
 const PIECES_MAX: f64 = 1e6;
 
-/// What the table is asked for.
+/// Parameters of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeadingsRequest {
     /// The aperture.
     pub aperture: Aperture,
-    /// Longest piece of an edge.
+    /// Longest part of an edge.
     pub spacing_mm: f64,
     /// Which weight.
     pub pass: PassMode,
@@ -53,7 +53,7 @@ pub struct HeadingRow {
     pub weight: f64,
     /// The law's |alpha|.
     pub law_alpha_rad: f64,
-    /// What F(p) allows; `None` where it is empty.
+    /// The feasible heading; `None` if F(p) is empty.
     pub reached: Option<HeadingChoice>,
 }
 
@@ -63,7 +63,7 @@ pub struct HeadingChoice {
     /// Smallest |alpha| in F(p).
     pub min_alpha_rad: f64,
     /// The angle in F(p) nearest to the law's, signed, in (-90°, 90°] (in (-180°, 180°] for a
-    /// polygon without that symmetry); of several equally near ones that which turns least along
+    /// polygon without that symmetry); of several equally near ones the one that turns least along
     /// the ring.
     pub alpha_rad: f64,
     /// Aperture centre, and heading unwrapped along the ring.

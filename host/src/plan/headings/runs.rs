@@ -7,7 +7,7 @@ use crate::geometry::aperture::Aperture;
 use crate::plan::headings::profile::smooth;
 use crate::plan::pass::{Contact, Placement};
 
-/// Runs of contacts whose channel is wide enough to lay a bead in.
+/// Runs of contacts whose channel is wide enough for a bead.
 pub fn printable_runs(contacts: &[Contact], aperture: &Aperture) -> Vec<(Vec<Contact>, bool)> {
     let least_mm = WIDTH_SHARE_MIN * aperture.minor_mm();
     let mut printable: Vec<bool> = contacts.iter().map(|c| c.extent_mm >= least_mm).collect();
@@ -71,8 +71,8 @@ pub fn feasible_runs(
     runs
 }
 
-/// Takes what does not fit off the ends of an open run: a heading that fitted when the run was made may
-/// not once its width is shared out again.
+/// Removes placements that do not fit from the ends of an open run: a heading that fitted when the run
+/// was made may not fit after its width has been redistributed.
 pub fn trim_ends(run: &mut Vec<Placement>) {
     let fits = |placement: &Placement| placement.feasible;
     run.truncate(run.iter().rposition(fits).map_or(0, |last| last + 1));
@@ -80,8 +80,8 @@ pub fn trim_ends(run: &mut Vec<Placement>) {
     run.drain(..first);
 }
 
-/// Takes out whole periods between neighbours: a run cut out of a loop may pass the loop's seam,
-/// where the heading of a whole lap comes on top; passes that are joined differ by any number.
+/// Removes whole periods between neighbours: a run cut out of a loop may pass the loop's seam,
+/// where the heading of a complete lap is added; joined passes differ by any number.
 pub fn unwrap_headings(run: &mut [Placement], period_rad: f64) {
     for i in 1..run.len() {
         let step_rad = run[i].at.heading_rad - run[i - 1].at.heading_rad;

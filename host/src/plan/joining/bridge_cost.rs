@@ -18,21 +18,22 @@ const CELL_SHARE: f64 = 0.2;
 /// Path looked at on either side of an opening, against a.
 const WINDOW_SHARE: f64 = 2.0;
 
-/// Two loops opened over a stretch each and joined by two ways.
+/// Two loops, each opened over a stretch, and joined by two connections.
 #[derive(Clone, Debug)]
 pub struct Bridge {
     /// Numbers of the passes, the lower first.
     pub loops: [usize; 2],
-    /// For each of them the last placement before the opening and the first behind it.
+    /// For each of them the last placement before the opening and the first after it.
     pub ends: [[usize; 2]; 2],
-    /// True where the end before the one opening faces the one behind the other.
+    /// True if the end before one opening faces the one after the other.
     pub crossed: bool,
-    /// The ways from either end of the first loop to the one it faces, both ends left out.
+    /// The connections from both ends of the first loop to the ones they face, without their own
+    /// ends.
     pub ways: [Vec<Configuration>; 2],
 }
 
 impl Bridge {
-    /// What tells bridges of equal cost apart.
+    /// Key that orders bridges of equal cost.
     pub fn key(&self) -> ([usize; 2], [[usize; 2]; 2]) {
         (self.loops, self.ends)
     }
@@ -70,8 +71,8 @@ struct RowRun {
     columns: [u32; 2],
 }
 
-/// What bridges between two passes cost. Many places are tried, most of whose ways are the passes'
-/// own: the cells under each of their steps are found once.
+/// Costs of bridges between two passes. Many places are tried, with mostly the same connections:
+/// the cells under each of their steps are found once.
 pub struct PairCosts<'a> {
     raster: &'a Raster,
     loops: [&'a LayerPass; 2],
@@ -82,7 +83,7 @@ pub struct PairCosts<'a> {
 }
 
 impl PairCosts<'_> {
-    /// Area that the bridge leaves open or covers again, less what it closes, mm².
+    /// Area that the bridge leaves uncovered or covers again, minus the area that it closes, mm².
     pub fn cost_mm2(&mut self, bridge: &Bridge) -> f64 {
         // What is printed as before belongs to a loop and to a way both.
         let mut swept: Vec<(u8, Rc<[RowRun]>)> = Vec::new();

@@ -8,7 +8,7 @@ use crate::plan::headings::runs::unwrap_headings;
 use crate::plan::joining::bridge_cost::Bridge;
 use crate::plan::pass::{LayerPass, Placement};
 
-/// A way round through one or several passes.
+/// A closed path through one or several passes.
 #[derive(Default)]
 pub struct Tour {
     stops: Vec<Stop>,
@@ -74,7 +74,7 @@ impl Tour {
         free.then_some((stops, begin))
     }
 
-    /// True where another tour took it up.
+    /// True if it has been merged into another tour.
     pub fn is_empty(&self) -> bool {
         self.stops.is_empty()
     }
@@ -108,7 +108,7 @@ impl Tour {
         Some(Tour { stops })
     }
 
-    /// The tour as a pass, in place of `pass`, the first of its own; headings go on unwrapped.
+    /// The tour as a pass, replacing `pass`, its first one; headings are unwrapped.
     pub fn pass(&self, pass: &LayerPass, passes: &[LayerPass], period_rad: f64) -> LayerPass {
         let mut stops = self.stops.clone();
         let gap = stops.iter().position(|stop| *stop == Stop::Break);

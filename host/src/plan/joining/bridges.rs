@@ -42,7 +42,7 @@ const GAP_SAVES_SHARE: f64 = 0.5;
 /// How far the ends of a run may lie apart that is reached as if it were a loop, against a.
 const GAP_SHARE: f64 = 2.5;
 
-/// Joins loops, and runs, to loops beside them where that is cheap; the others stay as they are.
+/// Joins loops and open beads to adjacent loops where that is cheap; others are unchanged.
 pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
     let costs = BridgeCosts::of(&passes, aperture);
     let near = neighbours(&passes, LENGTH_SHARE * aperture.major_mm());

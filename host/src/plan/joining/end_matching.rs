@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// An end of a pass: its number, and 0 for the start or 1 for the end.
 pub type End = (usize, usize);
 
-/// A pair of ends that could be joined, and what that costs.
+/// A pair of ends that could be joined, with its cost.
 pub type Pair = ([End; 2], f64);
 
 /// Joins given up along one alternating path, at most.

@@ -38,8 +38,8 @@ const REACH: f64 = 3.0;
 /// memory.
 const BATCH: usize = 64;
 
-/// Fills the gaps that `passes` leave in the region bounded by `walls`, with gap-fill moves that bring
-/// the ground that their time is worth (any, where there is no price).
+/// Fills the gaps that `passes` leave in the region bounded by `walls`, with gap-fill moves that gain
+/// at least the area that their time is worth (any, if there is no price).
 pub fn fill_gaps(
     passes: &mut [LayerPass],
     aperture: &Aperture,

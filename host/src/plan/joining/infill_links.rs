@@ -24,8 +24,8 @@ const NEAR_SHARE: f64 = 3.0;
 /// Distance of placements along the wall, against b.
 const STEP_SHARE: f64 = 0.5;
 
-/// Joins lines that follow each other along the walls of `open`; none of it leaves `walls`. Turning
-/// weighs `turn_weight_mm4`, as along any profile.
+/// Joins consecutive lines along the walls of `open`, without leaving `walls`. Turning has the
+/// weight `turn_weight_mm4`, as along any profile.
 pub fn linked_along_walls(
     lines: Vec<LayerPass>,
     open: &[Region],

@@ -17,8 +17,8 @@ use crate::plan::coverage::raster::NearbyPasses;
 use crate::plan::pass::{LayerPass, Placement};
 use std::collections::BTreeMap;
 
-/// Longest link, against a: neighbouring beads lie up to 2a apart, and where one crosses, ends are
-/// cut back on either side of it.
+/// Longest link, relative to a: neighbouring beads are up to 2a apart, and where one crosses, ends
+/// are cut back on either side of it.
 pub const LENGTH_SHARE: f64 = 3.6;
 /// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
 const LINE_LENGTH_SHARE: f64 = 10.0;
@@ -54,7 +54,7 @@ pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) ->
     result
 }
 
-/// A pass as it is gone along.
+/// A pass with its direction.
 #[derive(Clone, Copy)]
 pub struct Directed<'a> {
     /// The pass.
@@ -82,7 +82,7 @@ impl<'a> Directed<'a> {
 }
 
 /// The placements between the end of one pass and the start of the next, that start included, and
-/// the ground of other beads that they cover again, mm².
+/// the area of other beads that they cover again, mm².
 pub fn link(
     before: Directed,
     next: Directed,
@@ -118,7 +118,7 @@ pub fn link(
 }
 
 /// The nearest placement of each pass from number `first` on in `index` (pass and placement) within
-/// `reach_mm` of a place: pass, placement, and how far away it is in whole nanometres.
+/// `reach_mm` of a point: pass, placement, and its distance in whole nanometres.
 pub fn nearest_of_each(
     index: &PointGrid<(usize, usize)>,
     passes: &[LayerPass],

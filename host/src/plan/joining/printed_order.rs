@@ -24,7 +24,7 @@ use crate::settings::{SeamPlace, Settings};
 
 /// What belongs to one region, local coordinates.
 pub struct RegionPasses<'a> {
-    /// Its passes in any order, but those below.
+    /// Its passes in any order, except for those below.
     pub passes: Vec<LayerPass>,
     /// The lines of a sparse infill.
     pub sparse: Vec<LayerPass>,
@@ -32,7 +32,7 @@ pub struct RegionPasses<'a> {
     pub bridges: Vec<LayerPass>,
     /// The edges of the region.
     pub walls: &'a EdgeIndex,
-    /// Ground that only the last two have: what stays open between them is meant to.
+    /// Area of the last two only: the area between them is to stay open.
     pub open: &'a [Region],
 }
 

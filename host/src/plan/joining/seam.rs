@@ -19,7 +19,7 @@ const CORNER_RAD: f64 = 0.35;
 /// smoothed normals and its fan lie within.
 const WINDOW_SHARE: f64 = 1.5;
 
-/// The pass opened where its seam is to be; untouched where the order chooses, and where it is open.
+/// The pass opened at its seam; unchanged if the order chooses the seam, or if the pass is open.
 pub fn with_seam(pass: LayerPass, seam: &Seam, aperture: &Aperture) -> LayerPass {
     if !pass.closed {
         return pass;

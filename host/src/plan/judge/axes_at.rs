@@ -39,13 +39,13 @@ pub struct AxesAt {
     pub wish: Vector3,
     /// True where that is free.
     pub wish_is_free: bool,
-    /// The nearest free one; `None` where there is none.
+    /// The nearest free one; `None` if there is none.
     pub nearest: Option<Vector3>,
     /// Caps that the search met: where the axis must not be.
     pub caps: Vec<Cap>,
     /// Largest tilt over the table, rad.
     pub tilt_over_table_rad: f64,
-    /// Points that stand then.
+    /// Points that exist then.
     pub points: usize,
     /// Axes that are free, ring by ring from Z to 90°, each from X towards Y.
     pub map: Vec<bool>,
@@ -60,8 +60,8 @@ pub fn map_axis_rad(ring: usize, sector: usize) -> [f64; 2] {
     ]
 }
 
-/// The free axes with the tip at a place, machine coordinates, when the job has come to a time; `None` where the head's
-/// shape is not known.
+/// The free axes with the tip at a position, machine coordinates, at a time of the job; `None` if the head's shape is
+/// not known.
 pub fn axes_at(
     moments: impl Iterator<Item = Moment>,
     tip_mm: Vector3,

@@ -10,7 +10,7 @@ use crate::job::{MotionState, SegmentStream};
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
-/// Ratios from here on are as good as none: the inside stands still or goes back.
+/// Upper bound of reported ratios: the inside is at rest or moves back.
 pub const RATIO_MAX: f64 = 100.0;
 /// Directions are compared over steps of at least this share of the bead's width: so a corner in which the head stands
 /// counts, and what quantisation does to the path does not.

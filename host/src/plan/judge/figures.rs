@@ -15,15 +15,15 @@ pub struct PlanFigures {
     pub reachable_pct: f64,
     /// Share of the area that was swept.
     pub covered_pct: f64,
-    /// The same of the layer of which the least was.
+    /// The same for the layer with the least.
     pub covered_pct_min: f64,
     /// Share of the reachable area that was swept.
     pub covered_of_reachable_pct: f64,
-    /// Share of the area that was swept more than once on its layer.
+    /// Share of the area that is swept more than once on its layer.
     pub overlap_pct: f64,
-    /// The same of the layer of which the most was.
+    /// The same for the layer with the most.
     pub overlap_pct_max: f64,
-    /// How far any placed aperture leaves the regions, on any layer.
+    /// Largest depth of a placed aperture outside the regions, on any layer.
     pub outside_depth_mm: f64,
     /// Where that is, input coordinates.
     pub outside_at_mm: [f64; 2],
@@ -70,7 +70,7 @@ impl PlanFigures {
         }
     }
 
-    /// Adds lengths, times and counts of what comes after; shares are set of all together.
+    /// Adds lengths, times and counts of further layers; shares are set for all together.
     pub fn add_lengths(&mut self, next: &PlanFigures) {
         self.passes += next.passes;
         self.print_mm += next.print_mm;
@@ -83,18 +83,18 @@ impl PlanFigures {
     }
 }
 
-/// What one printing of a region came to, or several together.
+/// Areas of one printing of a region, or of several together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Swept {
     /// Area of the region.
     pub area_mm2: f64,
-    /// What of it was swept.
+    /// Swept part of it.
     pub covered_mm2: f64,
-    /// What of it was swept more than once.
+    /// Part of it that was swept more than once.
     pub overlap_mm2: f64,
-    /// What of it some placement covers.
+    /// Part of it that some placement covers.
     pub reachable_mm2: f64,
-    /// How far any placed aperture leaves it.
+    /// Largest depth of a placed aperture outside it.
     pub outside_depth_mm: f64,
     /// Where that is, input coordinates.
     pub outside_at_mm: [f64; 2],

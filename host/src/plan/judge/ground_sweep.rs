@@ -45,26 +45,26 @@ const BEGINS_TRIED: usize = 24;
 /// How much farther than its shape in the chart the aperture may reach, of its size.
 const NEARLY: f64 = 1.02;
 
-/// Curved ground and what is to be covered of it.
+/// A curved surface and its regions to be covered.
 pub struct CurvedGround<'a> {
-    /// From the plan's plane to the ground.
+    /// From the plan's plane to the surface.
     pub chart: &'a dyn Chart,
     /// The nozzle's scale by place, in the chart.
     pub scale: &'a ScaleField,
     /// What is to be covered, in the chart.
     pub regions: &'a [Region],
-    /// From the ground's coordinates to the machine's.
+    /// From the surface's coordinates to the machine's.
     pub transform: &'a PartTransform,
-    /// The layer that lies on the ground.
+    /// The layer on the surface.
     pub lowest_layer: u32,
 }
 
-/// What a layer came to.
+/// Result for a layer.
 #[derive(Clone, Debug)]
 pub struct LayerSwept {
     /// Layer from 0.
     pub layer: u32,
-    /// Its areas and depth; the place of the depth is that of the ground's x and y.
+    /// Its areas and depth; the place of the depth is in x and y of the surface.
     pub swept: Swept,
     /// Its open places, the largest first.
     pub open: Vec<OpenPlace>,

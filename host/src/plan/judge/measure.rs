@@ -33,8 +33,8 @@ pub struct MeasuredPrint<'a> {
     pub contour: &'a Contour,
     /// Layer from 0.
     pub layer: u32,
-    /// An earlier printing that runs the same curves, whose figures are taken over where its poses
-    /// are the same; any other number for none.
+    /// An earlier printing with the same curves, whose figures are reused if its poses are the
+    /// same; any other number for none.
     pub like: usize,
 }
 
@@ -43,7 +43,7 @@ pub struct MeasuredPrint<'a> {
 pub struct Measured {
     /// Each printing.
     pub swept: Vec<Swept>,
-    /// The rasters of those whose figures were not taken over.
+    /// The rasters of those whose figures were not reused.
     pub rasters: Vec<Option<RegionRaster>>,
 }
 
@@ -71,8 +71,8 @@ const SKEW_RAD: f64 = 0.4;
 const SAME_MM: f64 = 1e-5;
 
 /// Measures the printings of a stream. `print_of_pass` is the number of each pass's printing, or
-/// [`OFF_REGIONS`]. Printings are ordered by layer, and a layer's poses are all that is kept of the
-/// stream at a time.
+/// [`OFF_REGIONS`]. Printings are ordered by layer, and only one layer's poses are in memory at a
+/// time.
 pub fn measure(
     stream: &SegmentStream,
     prints: &[MeasuredPrint],

@@ -18,8 +18,7 @@ pub struct RegionRaster {
     pub swept: Coverage,
 }
 
-/// Area of the raster's cells that lie in the regions, and of those among them that were swept,
-/// mm².
+/// Area of the raster's cells in the regions, and of those among them that were swept, mm².
 pub fn swept_area_mm2(raster: &RegionRaster, regions: &[Region]) -> [f64; 2] {
     let (frame, raster) = (raster.frame, &raster.swept);
     let cell_mm2 = raster.cell_mm * raster.cell_mm;

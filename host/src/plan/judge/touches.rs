@@ -57,7 +57,7 @@ pub enum Obstacle {
     Print,
     /// What it is printed on.
     Surface,
-    /// What stands on the machine (`--obstacle`).
+    /// An obstacle on the machine (`--obstacle`).
     Standing,
 }
 
@@ -73,7 +73,7 @@ impl Obstacle {
     }
 }
 
-/// A touch.
+/// A collision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
     /// What touches.
@@ -86,14 +86,14 @@ pub struct Touch {
     pub tip_mm: [f64; 3],
 }
 
-/// All touches of a route.
+/// All collisions of a route.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Touches {
     /// The deepest of each kind.
     pub deepest: Vec<Touch>,
-    /// Way of the tip on which something touches, mm.
+    /// Length of the tip's path with collisions, mm.
     pub touched_mm: f64,
-    /// How far the tip's flat end dips into what is printed, mm, at most.
+    /// Largest dip of the tip's flat end into earlier print, mm.
     pub tip_dip_max_mm: f64,
     /// How far it may.
     pub tip_slack_mm: f64,
@@ -126,8 +126,8 @@ struct Judge<'a> {
     standing: Standing,
 }
 
-/// Touches along the route; nothing where the head's shape is not known. `normals` are those of what its passes lay,
-/// where that is not their tool axis.
+/// Collisions along the route; none if the head's shape is not known. `normals` are those of the print of its
+/// passes, if they differ from the tool axis.
 pub fn touches(
     route: &Route,
     normals: Option<&LayerNormals>,
@@ -136,7 +136,7 @@ pub fn touches(
     all_touches(route, normals, settings, &[])
 }
 
-/// The same above a surface, of which these points are known, mm.
+/// The same above a surface given by these points, mm.
 pub fn touches_on(route: &Route, settings: &Settings, surface: &[Vector3]) -> Option<Touches> {
     all_touches(route, None, settings, surface)
 }
@@ -152,7 +152,7 @@ fn all_touches(
     judged(&stations, settings, surface)
 }
 
-/// Touches at stations of routes that came one after another; nothing where the head's shape is not known.
+/// Collisions at stations of consecutive routes; none if the head's shape is not known.
 pub fn touches_at(stations: &Stations, settings: &Settings) -> Option<Touches> {
     judged(stations, settings, &[])
 }

@@ -30,7 +30,7 @@ const LINES_MAX: f64 = 1000.0;
 /// Share of the best direction's ground that an equal one may lack.
 const EQUAL_SHARE: f64 = 0.02;
 
-/// Ground of a layer that is bridged.
+/// A bridged area of a layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bridge {
     /// Where nothing is below.
@@ -39,7 +39,8 @@ pub struct Bridge {
     pub angle_rad: f64,
 }
 
-/// The bridges of a layer over the one below; beads reach `reach_mm` over its edge by themselves.
+/// The bridges of a layer over the one below; beads extend `reach_mm` over its edge without
+/// support.
 pub fn bridges(own: &[Region], below: &[Region], reach_mm: f64) -> Vec<Bridge> {
     if own == below {
         return Vec::new();

@@ -33,7 +33,7 @@ pub fn shell_layers(infill: &Infill) -> ShellLayers {
 }
 
 impl<'a> Hollow<'a> {
-    /// `None` where the inside is dense enough, or there is none.
+    /// `None` if the infill is dense enough, or there is none.
     pub fn of(outlines: &'a [&'a [Region]], settings: &Settings) -> Option<Hollow<'a>> {
         let infill = settings.infill.as_ref()?;
         let bead_mm = 2.0 * settings.aperture.major_mm();
@@ -46,8 +46,8 @@ impl<'a> Hollow<'a> {
         })
     }
 
-    /// What of a layer is solid, walls and ground that nothing is below included, and what of the one below
-    /// carries it; `None` on the lowest layer, and where the two have the same inside.
+    /// The solid area of a layer, including walls and overhangs, and the area of the one below that
+    /// supports it; `None` on the lowest layer, and if both have the same interior.
     pub fn pair(&self, layer: usize) -> Option<[Vec<Region>; 2]> {
         let below = layer.checked_sub(1)?;
         let [solid, solid_below] = [layer, below].map(|layer| self.solid(layer));
@@ -61,8 +61,8 @@ impl<'a> Hollow<'a> {
         Some([difference(own, &sparse), difference(under, &sparse_below)])
     }
 
-    /// Solid ground of a layer over nothing, farther than `reach_mm` from what carries it: pieces wider
-    /// than a bead.
+    /// Solid area of a layer over nothing, farther than `reach_mm` from its support: parts wider than a
+    /// bead.
     pub fn unheld(&self, layer: usize, reach_mm: f64) -> Vec<Region> {
         let Some([own, below]) = self.pair(layer) else {
             return Vec::new();

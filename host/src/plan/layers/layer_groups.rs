@@ -32,7 +32,8 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The region of a pass that belongs to none: skirt and brim count as neither coverage nor depth.
+/// The region number of a pass without a region: skirt and brim count as neither coverage nor
+/// depth.
 pub const OFF_REGIONS: usize = usize::MAX;
 /// Most control points of all printed curves: 800 m of path and more, and 1 GB while it is planned.
 pub const POINTS_MAX: usize = 10_000_000;
@@ -44,7 +45,7 @@ pub const POINTS_MAX: usize = 10_000_000;
      {POINTS_MAX}: print fewer --layers at a time ({fitting} fit), or less of the part"
 )]
 pub struct TooLongError {
-    /// Layers asked for.
+    /// Requested layers.
     pub layers: u32,
     /// Control points of their curves.
     pub points: usize,
@@ -52,7 +53,7 @@ pub struct TooLongError {
     pub fitting: u32,
 }
 
-/// Layers that are planned alike.
+/// Layers that are planned once.
 #[derive(Clone, Debug)]
 pub struct LayerGroup {
     /// Walls and lines; `None` for loops all the way in.
@@ -74,14 +75,13 @@ pub struct RegionPrint {
     pub kind: usize,
     /// Number of the region.
     pub region: usize,
-    /// What of it is printed the other way round.
+    /// Its reversed parts.
     pub turned: Reversal,
     /// The first printing that runs the same curves: its own number, or an earlier one's.
     pub like: usize,
 }
 
-/// The different lines inside, in the order of their first layers, and which of them each layer
-/// has.
+/// The different infills, in the order of their first layers, and the infill of each layer.
 pub fn infills_of_layers(settings: &Settings) -> (Vec<Option<Infill>>, Vec<usize>) {
     let mut kinds: Vec<Option<Infill>> = Vec::new();
     let mut of_layer = Vec::with_capacity(settings.layers as usize);
@@ -97,14 +97,14 @@ pub fn infills_of_layers(settings: &Settings) -> (Vec<Option<Infill>>, Vec<usize
     (kinds, of_layer)
 }
 
-/// What the layers of a kind are asked to be.
+/// Requirements on the layers of a group.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerKind {
     /// Number of the outline among the different ones.
     pub outline: usize,
     /// Walls and lines; `None` for loops all the way in.
     pub infill: Option<Infill>,
-    /// Ground that is filled whatever the lines' density, input coordinates.
+    /// Area that is solid whatever the lines' density, input coordinates.
     pub solid: Vec<Region>,
     /// What spans open space, input coordinates.
     pub bridges: Vec<Bridge>,
@@ -164,7 +164,7 @@ pub fn with_passes(
     })
 }
 
-/// The kinds of layer, their regions' passes ordered and joined.
+/// The groups of layers, with their regions' passes ordered and joined.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -258,8 +258,8 @@ struct PrintCurve {
     control: Arc<[PlaneControl]>,
 }
 
-/// The curves of the whole job in machine coordinates, skirt and brim on the first layer before
-/// its regions, and each one's printing.
+/// The curves of the complete job in machine coordinates, with skirt and brim on the first layer
+/// before its regions, and the printing of each.
 ///
 /// # Errors
 /// [`TooLongError`] above [`POINTS_MAX`].

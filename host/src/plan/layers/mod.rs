@@ -26,12 +26,12 @@ use std::sync::Arc;
 /// A pass ready to be printed: its curve in the layer plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanePass {
-    /// How it lies in its passage, for pictures.
+    /// Its kind, for pictures.
     pub kind: PassKind,
     /// Layer from 0.
     pub layer: u32,
     /// Tip height, mm.
     pub z_mm: f64,
-    /// Control points (x, y, heading); layers that are alike share them.
+    /// Control points (x, y, heading); identical layers share them.
     pub control: Arc<[PlaneControl]>,
 }

@@ -32,7 +32,7 @@ const OPEN_SHARE: f64 = 0.02;
 /// takes. What is farther outside is not a rest that the optimiser left.
 const MOVED_SHARE: f64 = 0.25;
 
-/// The curve of a pass, where there is one.
+/// The curve of a pass, if there is one.
 pub type PassCurve = Option<Arc<[PlaneControl]>>;
 
 /// True for the passes that the optimiser knows: their beads are to cover ground.
@@ -41,9 +41,9 @@ fn is_known(pass: &LayerPass) -> bool {
     covers_ground && !pass.placements.is_empty()
 }
 
-/// Optimises the passes of a region together but for those that lay sparse lines and bridges, whose ground is
-/// `left_out` of `ground_mm2`. What they leave open then gets gap-fill moves, with which they are optimised again. The
-/// placements of those with a curve become poses of it.
+/// Optimises the passes of a region together, except for sparse lines and bridges, whose area is `left_out` of
+/// `ground_mm2`. The uncovered area then gets gap-fill moves, with which they are optimised again. The placements of
+/// passes with a curve become poses of it.
 pub fn optimised(
     passes: &mut [LayerPass],
     walls: &EdgeIndex,

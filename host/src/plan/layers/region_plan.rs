@@ -32,14 +32,14 @@ use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Everything that planning one region of a layer made.
+/// The complete plan of one region of a layer.
 #[derive(Clone, Debug)]
 pub struct RegionPlan {
     /// The frame that it was planned in.
     pub frame: Frame,
     /// The edges of the hull, in that frame.
     pub walls: Arc<EdgeIndex>,
-    /// How large the nozzle is by place in that frame, on curved ground.
+    /// Size of the nozzle by position in that frame, on a curved surface.
     pub scale: Option<ScaleField>,
     /// Where the first of the walls begins and the last one ends, and of the lines, in that frame;
     /// `None` where there are none or they may not be turned round.
@@ -59,7 +59,7 @@ pub struct RegionPlan {
     pub passes: Vec<LayerPass>,
     /// For each pass its curve, where the optimiser made one.
     pub curves: Vec<PassCurve>,
-    /// The ground inside the walls that infill lines are to cover, local.
+    /// The area inside the walls that infill lines are to cover, local.
     pub open: Vec<Region>,
     /// What of that is open on purpose between the lines of a sparse infill, local.
     pub sparse: Vec<Region>,
@@ -71,8 +71,8 @@ impl RegionPlan {
         self.contour.to_input(Point2::origin())
     }
 
-    /// What is printed the other way round so that the way from `from` (input coordinates) to the
-    /// walls and from there to the lines is the shortest.
+    /// The parts to reverse for the shortest travel from `from` (input coordinates) to the walls
+    /// and from there to the lines.
     pub fn turned(&self, from: Point2) -> Reversal {
         let from = self.frame.point_in(self.contour.to_local(from));
         let way_mm = |turned: Reversal| {
@@ -121,7 +121,7 @@ impl RegionPlan {
         Some(self.contour.to_input(center))
     }
 
-    /// The passes in the region's frame, walls and lines each the one way round or the other.
+    /// The passes in the region's frame, with walls and lines each reversed or not.
     pub fn passes_turned(&self, turned: Reversal) -> Vec<LayerPass> {
         self.turned_round(&self.passes, turned, |pass| pass.placements.reverse())
     }
@@ -154,16 +154,16 @@ impl RegionPlan {
     }
 }
 
-/// What of a region is printed the other way round.
+/// The reversed parts of a region.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Reversal {
     /// The loops.
     pub walls: bool,
-    /// The lines inside them, which come after them.
+    /// The lines inside them, which are printed after them.
     pub lines: bool,
 }
 
-/// A region on its way to a [`RegionPlan`], in its own frame.
+/// A region that becomes a [`RegionPlan`], in its own frame.
 #[derive(Clone, Debug)]
 pub struct RegionWork {
     contour: Contour,
@@ -192,8 +192,8 @@ pub struct RegionWork {
 }
 
 impl RegionWork {
-    /// The region with its hull and medial axis, and what of its boundary cannot be touched. `scale` is of the input's
-    /// coordinates, where these are the chart of curved ground.
+    /// The region with its hull and medial axis, and its unreachable boundary. `scale` is in the input's coordinates,
+    /// if these are the chart of a curved surface.
     ///
     /// # Errors
     /// [`MedialAxisError`].
@@ -244,8 +244,8 @@ impl RegionWork {
         })
     }
 
-    /// The region with its passes, unordered: walls with these lines inside, or loops. `solid` is
-    /// ground that is filled whatever the lines' density, `bridges` what spans open space, input coordinates.
+    /// The region with its passes, unordered: walls with these lines inside, or loops. `solid` is area that
+    /// is solid whatever the lines' density, `bridges` are those over open space, input coordinates.
     pub fn with_passes(
         &self,
         infill: Option<Infill>,
@@ -341,7 +341,7 @@ impl RegionWork {
         [difference(open, &sparse_ground), sparse_ground]
     }
 
-    /// True where nothing of it can be printed.
+    /// True if nothing of it can be printed.
     pub fn is_empty(&self) -> bool {
         self.passes.is_empty() && self.sparse.is_empty() && self.bridges.is_empty()
     }
@@ -358,8 +358,8 @@ impl RegionWork {
         Some((self.contour.to_input(self.frame.point_out(at)), radius_mm))
     }
 
-    /// Its passes as they are printed, the one way round or the other ([`RegionPlan::turned`]):
-    /// what is joined where must not depend on where the region lies on the machine.
+    /// Its passes in printing order, in either direction ([`RegionPlan::turned`]): joins must not
+    /// depend on the region's position on the machine.
     pub fn in_order(mut self) -> RegionPlan {
         let frame = self.frame;
         let passes = std::mem::take(&mut self.passes);

@@ -13,13 +13,13 @@ use rayon::prelude::*;
 /// Solid layers that close a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShellLayers {
-    /// Above ground that lies open below.
+    /// Above areas that are exposed below.
     pub bottom: u32,
-    /// Below ground that lies open above.
+    /// Below areas that are exposed above.
     pub top: u32,
 }
 
-/// The ground of a layer that lies open within so many layers.
+/// The area of a layer that is exposed within a number of layers.
 pub fn solid_ground(outlines: &[&[Region]], layer: usize, shells: ShellLayers) -> Vec<Region> {
     let own = outlines[layer];
     let above = (1..=shells.top as usize).map(|step| outlines.get(layer + step));
@@ -43,12 +43,12 @@ pub fn solid_ground(outlines: &[&[Region]], layer: usize, shells: ShellLayers) -
     open
 }
 
-/// Ground that hangs over nothing.
+/// An overhang.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overhang {
     /// How much, mm².
     pub area_mm2: f64,
-    /// The largest piece of it, mm².
+    /// The largest connected part of it, mm².
     pub largest_mm2: f64,
     /// A place of that, input coordinates.
     pub at: Point2,
@@ -57,8 +57,8 @@ pub struct Overhang {
 /// How far around a bridge's ground it holds what it borders, mm: well above rounding.
 const BESIDE_MM: f64 = 0.02;
 
-/// Of each layer but the first the ground that lies farther than `reach_mm` from what is below, with what
-/// `unheld` has besides, and is in none of the layer's bridges.
+/// For each layer except the first the area farther than `reach_mm` from the layer below, together with
+/// that of `unheld`, and outside the layer's bridges.
 pub fn overhangs(
     outlines: &[&[Region]],
     unheld: impl Fn(usize) -> Vec<Region> + Sync,

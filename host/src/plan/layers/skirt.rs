@@ -42,7 +42,7 @@ const FRAME_SHARE: f64 = 4.0;
 pub struct SkirtPlan {
     /// Add this to local coordinates to get the input's.
     pub offset: Vector2,
-    /// What bounds the ground of the loops, local; the ground on the left.
+    /// Boundary of the area of the loops, local, with the area on the left.
     pub walls: EdgeIndex,
     /// The exterior medial axis as far as the loops reach, local.
     pub axis: Vec<[Point2; 2]>,
@@ -80,8 +80,8 @@ fn loop_distances_mm(skirt: &Skirt, settings: &Settings) -> Vec<(f64, bool)> {
     brim.chain(loops).collect()
 }
 
-/// Plans the loops; `None` where none are asked for. They go nowhere into `taken`. `from` is where
-/// the head is, input coordinates.
+/// Plans the loops; `None` if none are requested. They avoid `taken`. `from` is the head's
+/// position, input coordinates.
 ///
 /// # Errors
 /// The exterior medial axis.

@@ -28,7 +28,7 @@ const TURN_DEG: f64 = 45.0;
 pub struct FoundPlace {
     /// From where the passes are, mm.
     pub shift_mm: [f64; 2],
-    /// Places at which the whole run is reached, of those tried.
+    /// Number of tried positions at which the complete run is reachable.
     pub reached: usize,
     /// Places tried.
     pub tried: usize,
@@ -44,7 +44,7 @@ pub struct FoundPlace {
 pub struct NoPlaceError {
     /// Places tried.
     pub tried: usize,
-    /// By how much the part has to be turned for there to be one, degrees.
+    /// Rotation of the part for which there is one, degrees.
     pub turn_deg: Option<f64>,
     /// Why not in the middle.
     pub error: MotionError,
@@ -59,11 +59,11 @@ fn turn_hint(turn_deg: Option<f64>) -> String {
     }
 }
 
-/// Looks at places; `room_mm` is how far the passes may be moved each way (x, then y: least, most). Where
-/// they `may_lift` they may be cut at singular places.
+/// Tries positions; `room_mm` is the permitted displacement of the passes (x, then y: least, most). If
+/// they `may_lift` they may be cut at singular poses.
 ///
 /// # Errors
-/// [`NoPlaceError`] where none is reached.
+/// [`NoPlaceError`] if none is reachable.
 pub fn best_place(
     passes: &Passes,
     room_mm: [[f64; 2]; 2],
@@ -128,7 +128,7 @@ fn shifts(room_mm: [[f64; 2]; 2], places: usize) -> Vec<[f64; 2]> {
     shifts
 }
 
-/// The passes at another place, turned about their middle.
+/// The passes at another position, rotated about their middle.
 pub fn moved(passes: &Passes, [x, y]: [f64; 2], turn_rad: f64) -> Passes {
     let mut passes = passes.clone();
     let points = || passes.iter().flatten().flat_map(|curve| &curve.control);

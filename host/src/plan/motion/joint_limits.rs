@@ -19,7 +19,7 @@ use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS, Units};
 /// Limits of one joint, share applied.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimit {
-    /// True where it turns: rad instead of mm.
+    /// True if it turns: rad instead of mm.
     pub rotary: bool,
     /// Lowest position, mm or rad.
     pub position_min: f64,
@@ -40,7 +40,7 @@ pub struct JointLimit {
 pub struct PairLimit {
     /// The joints of which the motors are sum and difference.
     pub joints: [usize; 2],
-    /// Of either motor; its range is none.
+    /// Limits of either motor; it has no range.
     pub motor: JointLimit,
 }
 
@@ -59,7 +59,7 @@ pub struct MotionLimits {
     pub pair: Option<PairLimit>,
     /// Tip speed, mm/s.
     pub tip_speed_mm_s: f64,
-    /// Tip speeds asked along the path, by its parameter; see `RouteMove::speeds_mm_s`.
+    /// Requested tip speeds along the path, by its parameter; see `RouteMove::speeds_mm_s`.
     pub asked_mm_s: Vec<[f64; 2]>,
     /// Length of the tip's acceleration vector, mm/s².
     pub tip_acceleration_mm_s2: f64,
@@ -77,7 +77,7 @@ pub struct MotionLimits {
     pub pressure_advance_window_s: f64,
     /// Servo ticks that everything else waits for the advance: half its window.
     pub advance_delay_ticks: u32,
-    /// Servo ticks a second.
+    /// Servo ticks per second.
     pub servo_hz: f64,
     /// See [`Aperture::unit_mm`](crate::geometry::aperture::Aperture::unit_mm).
     pub unit_mm: f64,
@@ -182,7 +182,7 @@ impl MotionLimits {
     }
 
     /// Everything with limits of speed, acceleration and jerk: joints in order, then the motors of a pair, each with
-    /// what these derivatives of the joints are of it.
+    /// its derivatives computed from those of the joints.
     pub fn bounded<'a, const N: usize>(
         &'a self,
         of_joints: [&'a [f64; JOINTS_MAX]; N],
@@ -197,8 +197,8 @@ impl MotionLimits {
         joints.chain(motors)
     }
 
-    /// The same on a clock of which one tick has so many servo ticks. The pressure advance is then averaged
-    /// over a tick of it at least.
+    /// The same on a coarser clock, of which one tick has several servo ticks. The pressure advance is then
+    /// averaged over at least a tick of it.
     pub fn on_coarse_ticks(&self, coarse: u16) -> MotionLimits {
         let servo_hz = self.servo_hz / f64::from(coarse);
         MotionLimits {
@@ -232,7 +232,7 @@ impl MotionLimits {
         asked.fold(self.tip_speed_mm_s, f64::min)
     }
 
-    /// Tip speeds at the ticks of a motion along the path; empty where none are asked.
+    /// Tip speeds at the ticks of a motion along the path; empty if none are requested.
     pub fn asked_at_ticks(&self, u_at_tick: &[f64]) -> Vec<f64> {
         if self.asked_mm_s.is_empty() {
             return Vec::new();
@@ -249,26 +249,26 @@ impl MotionLimits {
         asked.unwrap_or(self.tip_speed_mm_s)
     }
 
-    /// Largest flow, the extruder's rate with the whole pressure advance included, mm³/s.
+    /// Largest flow, the extruder's rate including the full pressure advance, mm³/s.
     pub fn flow_rate_max_mm3_s(&self) -> f64 {
         let of_extruder = self.extruder_speed_max_mm3_s / (1.0 + self.advance_ratio());
         self.flow_max_mm3_s.min(of_extruder)
     }
 
-    /// Largest change of flow, mm³/s²: pressure advance multiplies it by 1 + K/W while the window
-    /// sees nothing of it yet; what leaves the window is left to the check of the finished segments.
+    /// Largest change of flow, mm³/s²: pressure advance multiplies it by 1 + K/W at its start in the
+    /// window; the end of the window is covered by the check of the finished segments.
     pub fn flow_slope_max_mm3_s2(&self) -> f64 {
         let of_extruder = self.extruder_acceleration_max_mm3_s2 / (1.0 + self.advance_ratio());
         self.flow_rate_of_change_max_mm3_s2.min(of_extruder)
     }
 
-    /// K / W: what a change of flow adds to the extruder's rate at once.
+    /// K / W: the immediate contribution of a change of flow to the extruder's rate.
     pub fn advance_ratio(&self) -> f64 {
         self.pressure_advance_s / self.pressure_advance_window_s
     }
 }
 
-/// Joint positions and derivatives by the same parameter as the channels they come from.
+/// Joint positions and derivatives by the parameter of their channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointPoint {
     /// mm or rad.
@@ -286,8 +286,8 @@ pub fn tip_mm(value: &[f64; CHANNELS]) -> [f64; 3] {
     [value[CHANNEL_X], value[CHANNEL_Y], value[CHANNEL_Z]]
 }
 
-/// Joint motion of a channel motion, by its Taylor coefficients: exact but for rounding. Joints that
-/// wind are within half a turn.
+/// Joint motion of a channel motion, by its Taylor coefficients: exact except for rounding. Joints
+/// that wind are within half a turn.
 pub fn joint_point(kinematics: &Kinematics, point: &CurvePoint) -> Result<JointPoint, MotionError> {
     let channels: [Jet<f64, 4>; CHANNELS] = std::array::from_fn(|c| {
         let (second, third) = (point.second[c] / 2.0, point.third[c] / 6.0);

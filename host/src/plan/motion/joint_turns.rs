@@ -63,7 +63,7 @@ pub fn choose_solution(
     fastest(route, settings).map(|(with_it, followed)| (with_it, followed.windings))
 }
 
-/// The joint solution in which the route is fastest, as the settings with it, and how it is followed.
+/// The settings with the joint solution in which the route is fastest, and its joint turns.
 ///
 /// # Errors
 /// [`MotionError`] of the solution that came furthest.
@@ -102,7 +102,7 @@ pub fn fastest(route: &Route, settings: &Settings) -> Result<(Settings, Followed
 /// Follows the joints along the route in the settings' joint solution.
 ///
 /// # Errors
-/// After how many looks it failed, and why.
+/// The number of samples until the failure, and its reason.
 pub fn follow(route: &Route, settings: &Settings) -> Result<Followed, (usize, MotionError)> {
     let mut windings = Vec::with_capacity(route.moves.len());
     let mut follower: Option<Follower<'_>> = None;

@@ -61,7 +61,7 @@ pub struct Cuts {
 }
 
 impl Cuts {
-    /// The speeds asked along the curves, of those asked along the curves before the cuts.
+    /// The requested speeds along the curves, from those along the curves before the cuts.
     pub fn speeds(&self, speeds_mm_s: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
         let of_part = |part: &CurvePart| {
             let speeds = speeds_mm_s.get(part.curve).into_iter().flatten();
@@ -71,7 +71,7 @@ impl Cuts {
         self.parts.iter().map(of_part).collect()
     }
 
-    /// What belongs to each pass, of what belonged to each before the cuts.
+    /// Data of each pass, from those of the passes before the cuts.
     pub fn of_passes<T: Copy>(&self, all: &[T]) -> Vec<T> {
         let mut own = Vec::new();
         for item in all {

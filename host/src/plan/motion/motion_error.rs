@@ -9,7 +9,7 @@ use headway_firmware::kinematics::KinematicsError;
 /// Why a route cannot be turned into motion.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MotionError {
-    /// Whoever waits wants no more.
+    /// The caller has stopped planning.
     #[error(transparent)]
     Stopped(#[from] Stopped),
     /// A joint would have to leave its range.

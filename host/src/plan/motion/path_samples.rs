@@ -13,7 +13,7 @@ use headway_firmware::kinematics::winding::Winding;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_VOLUME};
 use nalgebra::Vector3;
 
-/// A path sample: what the constraints need, by path parameter u.
+/// A path sample: data for the constraints, by path parameter u.
 #[derive(Clone, Copy, Debug)]
 pub struct PathSample {
     /// Path parameter.
@@ -183,8 +183,8 @@ fn cells_of_span(curve: &PathCurve, span: usize, limits: &MotionLimits) -> usize
     (cells.ceil() as usize).clamp(least, SAMPLES_PER_SPAN_MAX)
 }
 
-/// Samples a curve of at least two control points from end to end, fine enough for the
-/// reachability analysis. Fails where a joint leaves its range or the pose cannot be taken.
+/// Samples a curve of at least two control points from end to end, fine enough for the reachability
+/// analysis. Fails if a joint leaves its range or the pose is unreachable.
 pub fn sample_path(
     curve: &PathCurve,
     limits: &MotionLimits,

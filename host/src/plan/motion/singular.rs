@@ -49,19 +49,19 @@ pub type Passes = Vec<Vec<PathCurve>>;
 /// How a run passes its singular places.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SingularPlaces {
-    /// How many lie within the tolerance of the path.
+    /// Number of singular places within the tolerance of the path.
     pub places: usize,
     /// By how much the tool axis is led off the path at most, rad; 0 where the path is only slowed.
     pub led_by_rad: f64,
     /// What slowing costs more than leading past, s; `None` where slowing alone is not enough.
     pub slowing_s: Option<f64>,
-    /// How often the head lifts off, and what that costs in all, s.
+    /// Number of lift-offs, and their total cost, s.
     pub lifts: usize,
     /// See `lifts`.
     pub lifting_s: f64,
 }
 
-/// A run's passes in the fastest way that the joints can follow.
+/// A run's passes in the fastest variant that the joints can follow.
 #[derive(Clone, Debug)]
 pub struct PassedPlaces {
     /// The passes.

@@ -34,7 +34,7 @@ pub struct ClearanceGrid<'a> {
 }
 
 impl<'a> ClearanceGrid<'a> {
-    /// The space in which an aperture that covers one of the points lies.
+    /// The space of an aperture that covers one of the points.
     pub fn about(
         aperture: &'a Aperture,
         points: &[Point2],
@@ -68,7 +68,7 @@ impl<'a> ClearanceGrid<'a> {
         }
     }
 
-    /// Middles of the cells in which the centre of an aperture that covers `p` may lie.
+    /// Middles of the cells in which the centre of an aperture that covers `p` may be.
     pub fn centres_about(&self, p: Point2) -> Vec<Point2> {
         let reach_mm = self.aperture.reach_mm() + self.rounded_mm;
         let window = self

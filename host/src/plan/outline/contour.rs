@@ -15,8 +15,8 @@ use crate::geometry::validity::validate;
 use crate::geometry::{Point2, Vector2};
 use thiserror::Error;
 
-/// Default of how far the cleaned boundary may lie from the given one: a fifth of the default
-/// tolerance of a plan (1 µm), so that most of that is left to the fitting of segments.
+/// Default of the largest distance between the cleaned boundary and the given one: a fifth of the
+/// default tolerance of a plan (1 µm), so that most of it is left for the fit of segments.
 pub const SIMPLIFY_MM: f64 = 2e-4;
 
 /// Points closer than this to the one before are the same point, whatever the tolerance.
@@ -30,7 +30,7 @@ const RUN_MAX: usize = 256;
 pub struct Contour {
     /// The region in local coordinates: input minus `offset`.
     pub region: Region,
-    /// The frame in which it was snapped to a grid and cleaned: its points lie on the grid there.
+    /// The frame in which it was snapped to a grid and cleaned: its points are on the grid there.
     pub frame: Frame,
     /// Add this to local coordinates to get the input's.
     pub offset: Vector2,
@@ -65,9 +65,9 @@ pub enum ContourError {
 }
 
 impl Contour {
-    /// Cleans a region; see the head of this file for what `tolerance_mm` bounds.
-    /// Where that would make rings cross (features closer together than the tolerance), only
-    /// repeated points go.
+    /// Cleans a region; see the head of this file for the meaning of `tolerance_mm`. If that would
+    /// make rings cross (features closer together than the tolerance), only repeated points are
+    /// removed.
     pub fn of_region(region: &Region, tolerance_mm: f64) -> Result<Contour, ContourError> {
         let contour = Contour::cleaned(region, tolerance_mm)?;
         if contour.removed_points > 0 && validate(&contour.region).is_err() {

@@ -27,7 +27,7 @@ use crate::plan::outline::clearance_grid::ClearanceGrid;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// A placement counts as inside where it cuts by at most this share of the aperture.
+/// A placement counts as inside if it cuts by at most this share of the aperture.
 pub const SLACK: f64 = 2e-5;
 /// Headings tried all round the half turn.
 const HEADINGS: usize = 24;
@@ -351,8 +351,8 @@ fn to_box2(p: Vector2, [low, high]: &[Vector2; 2]) -> f64 {
 /// room.
 const MISSES: usize = 8;
 
-/// How many of the points can be covered. Points near each other are asked one after the other:
-/// what was found for one often covers the next, and where there is no room nobody searches.
+/// The number of points that can be covered. Neighbouring points are evaluated in sequence: the
+/// placement found for one often covers the next, and without room there is no search.
 pub fn reachable_count(aperture: &Aperture, points: &[Point2], index: &EdgeIndex) -> usize {
     let tile_mm = aperture.reach_mm();
     let tile = |p: &Point2| [p.y, p.x].map(|c| (c / tile_mm).floor() as i64);

@@ -33,8 +33,8 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 use std::f64::consts::PI;
 
-/// Most that the aperture loses of its reach, of its unit: half the default tolerance of a plan. Beads then
-/// stay back from the outline by less than the head can be placed.
+/// Largest loss of the aperture's reach, of its unit: half the default tolerance of a plan. Beads then stay
+/// back from the outline by less than the positioning accuracy of the head.
 pub const REACH_LOST: f64 = 5e-4;
 
 /// Longest side of an ear, in longest chords: teeth of 6 mm with the built-in aperture.

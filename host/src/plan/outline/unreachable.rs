@@ -33,8 +33,8 @@ impl UnreachableRun {
     }
 }
 
-/// All runs, in the order of the region's edges; `hull` is its trimmed outline's edges (or its
-/// own).
+/// All intervals, in the order of the region's edges; `hull` has the edges of its trimmed outline
+/// (or its own).
 pub fn unreachable_runs(
     aperture: &Aperture,
     walls: &EdgeIndex,

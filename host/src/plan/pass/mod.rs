@@ -23,7 +23,7 @@ pub struct Contact {
     pub point: Point2,
     /// Inward unit normal (across the axis where `on_axis`).
     pub normal: Vector2,
-    /// Length of wall that this sample stands for, mm.
+    /// Length of wall that this sample represents, mm.
     pub length_mm: f64,
     /// Half the bead width wanted here, mm.
     pub extent_mm: f64,
@@ -42,14 +42,14 @@ pub struct Placement {
     pub contact: Contact,
 }
 
-/// How a pass lies in its passage.
+/// Position of a pass in its passage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassKind {
     /// Along a wall, a neighbour on its other side.
     TwoPass,
     /// On the medial axis, touching both walls.
     OnePass,
-    /// A straight line of filled ground.
+    /// A straight line of infill.
     Infill,
     /// A straight line of a sparse infill.
     Sparse,

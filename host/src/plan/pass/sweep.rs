@@ -46,9 +46,9 @@ pub fn poses_between(
     })
 }
 
-/// How much longer a step along `way` may be than where the sharpest end of the aperture is the flank of
-/// the bead, for a scallop of the same depth: depth = step² / (8 radius), and the radius of an ellipse
-/// where its extent is h is a² b² / h³. At least 1.
+/// Factor by which a step along `way` may be longer than one with the sharpest end of the aperture at
+/// the flank of the bead, for a scallop of the same depth: depth = step² / (8 radius), and the radius of
+/// an ellipse where its extent is h is a² b² / h³. At least 1.
 pub fn flatness(aperture: &Aperture, heading_rad: f64, way: Vector2) -> f64 {
     let Aperture::Ellipse { major_mm, .. } = aperture else {
         return 1.0;
@@ -60,7 +60,7 @@ pub fn flatness(aperture: &Aperture, heading_rad: f64, way: Vector2) -> f64 {
         .max(1.0)
 }
 
-/// The turn from one heading to the next: the shorter way round for a symmetric aperture.
+/// The turn from one heading to the next: in the shorter direction for a symmetric aperture.
 pub fn turn_to(aperture: &Aperture, from_rad: f64, to_rad: f64) -> f64 {
     if aperture.is_round() {
         return 0.0;
@@ -95,7 +95,7 @@ pub fn swept_poses(passes: &[LayerPass], aperture: &Aperture) -> Vec<SweptPose> 
     swept
 }
 
-/// The poses along a way, dense.
+/// The poses along a path, dense.
 pub fn swept(
     way: impl Iterator<Item = Configuration>,
     aperture: &Aperture,

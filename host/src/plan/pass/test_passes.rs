@@ -5,7 +5,7 @@ use crate::geometry::{Point2, Vector2};
 use crate::plan::pass::{Contact, LayerPass, PassKind, Placement};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// An aperture of 0.6 mm that stands on its wall with the end of its major axis.
+/// An aperture of 0.6 mm that touches its wall with the end of its major axis.
 pub fn placement(center: Point2, heading_rad: f64) -> Placement {
     let (sin, cos) = heading_rad.sin_cos();
     let outward = Vector2::new(cos, sin);
@@ -46,7 +46,7 @@ pub fn run(from: [f64; 2], to: [f64; 2]) -> LayerPass {
 }
 
 /// Part of a loop about `center` with its wall outside, a placement every 0.1 mm or less, the major
-/// axis across it; closed where it goes all the way round.
+/// axis across it; closed if it is a full circle.
 pub fn arc(center: Point2, radius_mm: f64, from_rad: f64, lap_rad: f64) -> LayerPass {
     let count = (lap_rad.abs() * radius_mm / 0.1).ceil() as usize;
     let place = |i: usize| {

@@ -48,13 +48,13 @@ const WIDTH_SHARE: f64 = 0.02;
 pub struct BeadCurve {
     /// From rest to rest.
     pub moves: Vec<BeadMove>,
-    /// Length whose bead is wider than the nozzle lays, and narrower, mm.
+    /// Length with a bead wider than the nozzle can print, and narrower, mm.
     pub beyond_mm: [f64; 2],
-    /// Length whose bead is laid wider or narrower than the file's.
+    /// Length printed wider or narrower than in the file.
     pub off: WidthOff,
 }
 
-/// A piece of a pass from rest to rest.
+/// A part of a pass from rest to rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeadMove {
     /// Control points.
@@ -93,7 +93,7 @@ pub struct Bead {
 }
 
 impl Bead {
-    /// The bead of a pass; `None` where it stands. Headings are kept where `headings_told`.
+    /// The bead of a pass; `None` if its length is 0. Headings are kept if `headings_told`.
     pub fn of(
         pass: &GcodePass,
         slicer: Slicer,
@@ -226,8 +226,8 @@ fn graded(spacings_mm: &mut [f64], length_mm: &[f64], unit_mm: f64) {
     }
 }
 
-/// Control points of a way without flow through these tips: its corners are passed like those of beads.
-/// Each comes with its share of the way.
+/// Control points of a path without flow through these tips: its corners are rounded like those of
+/// beads. Each has its share of the path.
 pub fn travel_control(tips_mm: &[[f64; 3]], unit_mm: f64) -> Vec<([f64; 3], f64)> {
     let mut points: Vec<Place> = Vec::new();
     for tip_mm in tips_mm {

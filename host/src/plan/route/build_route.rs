@@ -41,7 +41,7 @@ struct Head<'a> {
 /// of its first pass.
 ///
 /// # Errors
-/// Where there is no way from one pass to the next.
+/// If there is no path from one pass to the next.
 pub fn build_route(
     passes: &[PlanePass],
     first_number: u32,
@@ -344,7 +344,7 @@ fn entry_heading(pass: &PlanePass, from_rad: f64, settings: &Settings) -> f64 {
     entry_heading_of(|| pass.control.iter().map(|c| c[2]), from_rad, settings)
 }
 
-/// The same of a pass with these headings.
+/// The same for a pass with these headings.
 pub fn entry_heading_of<I: Iterator<Item = f64>>(
     headings_rad: impl Fn() -> I,
     from_rad: f64,

@@ -45,7 +45,7 @@ pub fn moved_to(pose: &Point, tip_mm: Vector3<f64>) -> Point {
     moved
 }
 
-/// By how much the direction of the tilt turns the shorter way, signed.
+/// Change of the direction of the tilt by the shorter turn, signed.
 pub fn polar_turn_rad(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
     if from.norm() < UPRIGHT_RAD || to.norm() < UPRIGHT_RAD {
         return 0.0;
@@ -64,8 +64,8 @@ fn polar_between(from: Vector2<f64>, to: Vector2<f64>, share: f64) -> Vector2<f6
     size * (Rotation2::new(share * polar_turn_rad(from, to)) * base)
 }
 
-/// Control points between two poses: all channels change evenly but the tilt, and the tip where `at` puts
-/// it; `turn_rad` is how far the tip's way turns.
+/// Control points between two poses: all channels change linearly except the tilt, and the tip is at the
+/// positions of `at`; `turn_rad` is the turn of the tip's path.
 pub fn crossing(
     from: &Point,
     to: &Point,
@@ -99,7 +99,7 @@ fn way_mm(legs: &Legs) -> f64 {
         .sum()
 }
 
-/// What is printed so far, and what must not touch it.
+/// The print so far, and the shape that must not touch it.
 pub struct PrintedSoFar {
     head: HeadProfile,
     table_mm: f64,
@@ -160,8 +160,8 @@ impl PrintedSoFar {
     }
 
     /// The travel from the end of a pass to the beginning of the next, back, across and down: `known` if
-    /// that is clear and the shorter one, otherwise the shortest that was tried and is clear. `extent_mm`
-    /// is the extent of the job: farther than that and the head itself nobody draws back.
+    /// that is clear and the shorter one, otherwise the shortest clear one that was tried. `extent_mm` is
+    /// the extent of the job: the retreat is no farther than that plus the head itself.
     pub fn travel(&mut self, from: &Point, to: &Point, extent_mm: f64, known: Legs) -> Legs {
         let back_max_mm = extent_mm + self.head.reach_mm();
         let mut back_mm = self.lift_mm.max(1e-3 * back_max_mm);

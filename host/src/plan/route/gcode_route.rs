@@ -29,12 +29,12 @@ const START_MM: f64 = 1e-3;
 /// Share of the extruder's limits that pushes use: rounding of their durations to ticks.
 const PUSH_SHARE: f64 = 0.98;
 
-/// What a route is made of beside its passes.
+/// Data for a route in addition to its passes.
 #[derive(Clone, Copy, Debug)]
 pub struct GcodeWay<'a> {
     /// Who wrote the file.
     pub slicer: Slicer,
-    /// C is told.
+    /// The file contains C.
     pub headings_told: bool,
     /// Machine coordinates of the file's origin, mm.
     pub offset_mm: [f64; 3],
@@ -56,11 +56,11 @@ pub struct GcodeRoute {
     pub route: Route,
     /// Passes in it.
     pub passes: u32,
-    /// The number of each pass that was given; none where it is not printed.
+    /// The number of each given pass; `None` if it is not printed.
     pub numbers: Vec<Option<u32>>,
     /// Length of beads beyond the nozzle, wider and narrower, mm.
     pub beyond_mm: [f64; 2],
-    /// Length of beads laid at another width than the file's.
+    /// Length of beads printed at another width than the file's.
     pub off: WidthOff,
 }
 

@@ -16,26 +16,27 @@ pub struct PathCurve {
     pub control: Vec<[f64; CHANNELS]>,
 }
 
-/// One rest-to-rest piece of the route.
+/// One rest-to-rest move of the route.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RouteMove {
     /// What it is.
     pub state: MotionState,
     /// Layer from 0.
     pub layer: u32,
-    /// Pass number over the whole job, where it belongs to one.
+    /// Pass number over the complete job, if it belongs to one.
     pub pass: Option<u32>,
-    /// Where it goes. Prime and hold moves are dwells of `dwell_s`.
+    /// Its path. Prime and hold moves are dwells of `dwell_s`.
     pub curve: PathCurve,
     /// Least duration; the only duration of a dwell.
     pub dwell_s: f64,
     /// Tip speed of its own, below that of its state, mm/s.
     pub speed_mm_s: Option<f64>,
-    /// Asked tip speeds along it: path parameter, rising, and mm/s; even in between. Empty where none are.
+    /// Requested tip speeds along it: path parameter, increasing, and mm/s; linear in between. Empty if
+    /// there are none.
     pub speeds_mm_s: Vec<[f64; 2]>,
     /// Tip acceleration of its own, below that of its state, mm/s².
     pub acceleration_mm_s2: Option<f64>,
-    /// The layers of a move that prints several without a rest, upwards; empty where it prints one.
+    /// The layers of a move that prints several without a rest, upwards; empty if it prints one.
     pub parts: Vec<LayerPart>,
     /// Flow event that starts with the move (prime), or so long before its end (retract).
     pub event: Option<MoveEvent>,
@@ -74,15 +75,15 @@ pub enum MoveEvent {
     },
 }
 
-/// The whole route, in machine coordinates.
+/// The complete route, in machine coordinates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Route {
-    /// Moves in order; each begins where the one before it ended.
+    /// Moves in order; each begins at the end of the previous one.
     pub moves: Vec<RouteMove>,
 }
 
 impl Route {
-    /// Where it ends; `None` where it does not begin.
+    /// Its end; `None` if it is empty.
     pub fn end(&self) -> Option<[f64; CHANNELS]> {
         self.moves.last()?.curve.control.last().copied()
     }

@@ -7,7 +7,7 @@
 use crate::plan::route::moves::PathCurve;
 use headway_protocol::units::CHANNELS;
 
-/// Value and derivatives of all channels at one place of a curve, by whatever parameter it has.
+/// Value and derivatives of all channels at one point of a curve, by its parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurvePoint {
     /// Channels: mm, rad, mm³.

@@ -13,8 +13,8 @@ use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Ring};
 use crate::geometry::{Point2, Vector2};
 
-/// Most nodes: at worst nine million lines of sight for a whole layer, some 20 s; the search looks
-/// at a small share of them.
+/// Maximum number of nodes: at worst nine million lines of sight for a complete layer, some 20 s;
+/// the search evaluates a small share of them.
 pub const NODES_MAX: usize = 3000;
 /// Largest turn that one node stands for.
 const NODE_TURN_RAD: f64 = std::f64::consts::FRAC_PI_6;
@@ -24,7 +24,7 @@ const ROUNDING_MM: f64 = 1e-7;
 /// Length of the pieces in which a line of sight is looked at, cells of the index.
 const PIECE_CELLS: f64 = 4.0;
 
-/// Finds ways through one ground.
+/// Finds paths through one free area.
 #[derive(Clone, Debug)]
 pub struct TravelRouter {
     bounds: EdgeIndex,
@@ -37,8 +37,7 @@ pub struct TravelRouter {
 }
 
 impl TravelRouter {
-    /// For the ground that the rings enclose (`inside`) or leave free around them; `None` where it
-    /// has too many corners.
+    /// For the area inside the rings (`inside`) or outside them; `None` if it has too many corners.
     pub fn new<'a>(
         rings: impl Iterator<Item = &'a Ring> + Clone,
         inside: bool,
@@ -59,7 +58,7 @@ impl TravelRouter {
         Some(router)
     }
 
-    /// A router without nodes, which only knows what is free and what sees what.
+    /// A router without nodes, which only tests points and lines of sight.
     pub fn ground_of<'a>(
         rings: impl Iterator<Item = &'a Ring>,
         inside: bool,
@@ -76,12 +75,12 @@ impl TravelRouter {
         }
     }
 
-    /// True where the point lies in the free ground at the clearance.
+    /// True if the point is in the free area at the clearance.
     pub fn is_free(&self, p: Point2) -> bool {
         self.bounds.contains(p) == self.inside && self.sees(p, p)
     }
 
-    /// True where the straight line between two points, one of them in the free ground, keeps the
+    /// True if the straight line between two points, one of them in the free area, keeps the
     /// clearance.
     pub fn sees(&self, from: Point2, to: Point2) -> bool {
         let reach_mm = (self.clearance_mm - ROUNDING_MM).max(0.0);
@@ -101,8 +100,8 @@ impl TravelRouter {
         })
     }
 
-    /// The corners of the shortest way, ends left out; `None` where there is none, or where either
-    /// end is not free.
+    /// The corners of the shortest path, without ends; `None` if there is none, or if either end is
+    /// not free.
     pub fn way(&mut self, from: Point2, to: Point2) -> Option<Vec<Point2>> {
         if !self.is_free(from) || !self.is_free(to) {
             return None;

@@ -19,7 +19,7 @@ use headway_protocol::units::{CHANNEL_X, CHANNEL_Y};
 /// Share of b that ways inside keep from the outline: passes keep all of it but for the tolerance.
 const INSIDE_SHARE: f64 = 0.9;
 
-/// Why there is no way between two passes.
+/// Why there is no path between two passes.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TravelError {
     /// The keep-outs have too many corners to route around.
@@ -53,7 +53,7 @@ impl TravelError {
     }
 }
 
-/// Finds the way of every travel.
+/// Finds the path of every travel.
 #[derive(Clone, Debug, Default)]
 pub struct TravelWays {
     detours: Option<Detours>,
@@ -61,8 +61,8 @@ pub struct TravelWays {
 }
 
 impl TravelWays {
-    /// Around the keep-outs, and inside the regions where that is asked for. Regions with too many
-    /// corners to route through are crossed straight.
+    /// Around the keep-outs, and inside the regions if requested. Regions with too many corners for
+    /// a router are crossed straight.
     ///
     /// # Errors
     /// [`TravelError::TooManyCorners`].
@@ -88,7 +88,7 @@ impl TravelWays {
         Ok(TravelWays { detours, grounds })
     }
 
-    /// The way from one placement to another.
+    /// The path from one placement to another.
     ///
     /// # Errors
     /// [`TravelError::Blocked`].
@@ -127,7 +127,7 @@ impl TravelWays {
     }
 }
 
-/// How many travels between passes leave the regions on their way.
+/// Number of travels between passes that leave the regions.
 pub fn outline_crossings(route: &Route, regions: &[Region]) -> usize {
     let grounds: Vec<TravelRouter> = regions
         .iter()

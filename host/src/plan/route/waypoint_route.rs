@@ -47,8 +47,8 @@ enum Volumes {
 type Point = [f64; CHANNELS];
 
 /// The route along the curves of all passes; `start` is the pose at rest before it (machine
-/// coordinates), `asked` what its passes ask for, in order. Headings of the curves may be shifted by the
-/// aperture's period, but where they are asked to be kept.
+/// coordinates), `asked` the requests of its passes, in order. Headings of the curves may be shifted by
+/// the aperture's period, unless they are to be kept.
 pub fn waypoint_route(
     passes: Vec<Vec<PathCurve>>,
     asked: &[PassAsked],
@@ -78,9 +78,9 @@ pub fn waypoint_route(
     )
 }
 
-/// The route along moves that are complete with flow and events: the way to the first and from the
-/// last of them is added, above `top_mm` where the head comes from above. `curves` replace those of all
-/// moves that move, in order.
+/// The route along moves that already have flow and events: adds the moves to the first and from the
+/// last of them, above `top_mm` if the head comes from above. `curves` replace those of all moves with
+/// motion, in order.
 pub fn complete_route(
     moves: &[RouteMove],
     curves: Vec<PathCurve>,
@@ -123,7 +123,7 @@ pub fn has_motion(route_move: &RouteMove) -> bool {
     route_move.curve.control.len() > 1
 }
 
-/// The same way without flow: to see whether the joints can follow.
+/// The same path without flow: to check whether the joints can follow.
 pub fn waypoint_way(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settings) -> Route {
     along(
         passes,

@@ -39,7 +39,7 @@ pub struct AxisPoint {
     /// Angle between its two feet, seen from it: 180° in a straight passage, 180° less the
     /// corner's own angle on a corner's bisector.
     pub object_angle_rad: f64,
-    /// The boundary points nearest to it, one for each generator of the edge it lies on.
+    /// The boundary points nearest to it, one for each generator of its edge.
     pub feet: [Point2; 2],
 }
 
@@ -54,7 +54,7 @@ pub struct AxisVertex {
     pub feet: Vec<Point2>,
 }
 
-/// An edge of the axis graph: a straight piece or a flattened parabola.
+/// An edge of the axis graph: a straight line or a flattened parabola.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisEdge {
     /// Vertex at the first point.
@@ -63,18 +63,18 @@ pub struct AxisEdge {
     pub v1: usize,
     /// Polyline, at least two points; radii may be interpolated linearly within the tolerance.
     pub points: Vec<AxisPoint>,
-    /// What it is equally far from; `feet` of the points are in this order.
+    /// The two generators from which it is equidistant; `feet` of the points are in this order.
     pub generators: [Generator; 2],
 }
 
 /// The axis as a graph.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MedialAxis {
-    /// Vertices; one without edges stands for a place without a pruned axis of its own (a square).
+    /// Vertices; one without edges represents an area without a pruned axis of its own (a square).
     pub vertices: Vec<AxisVertex>,
     /// Edges.
     pub edges: Vec<AxisEdge>,
-    /// Numbers of the edges at each vertex, ascending; a loop edge stands there twice.
+    /// Numbers of the edges at each vertex, ascending; a loop edge is listed twice.
     pub adjacency: Vec<Vec<usize>>,
     /// Edges left out because their radius did not agree with the boundary at any angle tried.
     pub dropped_edges: usize,
@@ -83,15 +83,15 @@ pub struct MedialAxis {
 /// A run of edges between junctions or ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisChain {
-    /// Vertex where it starts.
+    /// Its start vertex.
     pub v0: usize,
-    /// Vertex where it ends; equal to `v0` where it is closed.
+    /// Its end vertex; equal to `v0` if it is closed.
     pub v1: usize,
     /// Its points in order.
     pub points: Vec<AxisPoint>,
     /// Numbers of its edges in order.
     pub edges: Vec<usize>,
-    /// True where it returns to its own start.
+    /// True if it returns to its own start.
     pub closed: bool,
 }
 
@@ -127,7 +127,7 @@ fn polyline_length_mm(points: &[AxisPoint]) -> f64 {
 }
 
 impl MedialAxis {
-    /// The whole interior axis, unpruned.
+    /// The complete interior axis, unpruned.
     pub fn of_edges(
         index: &EdgeIndex,
         options: &AxisOptions,
@@ -154,7 +154,7 @@ impl MedialAxis {
         }
     }
 
-    /// All straight pieces, for distance queries: an index whose edge numbers run over the
+    /// All straight segments, for distance queries: an index whose edge numbers follow the
     /// polylines in order, then a zero-length edge for each vertex without edges; and the radii at
     /// both ends of each.
     pub fn segment_index(&self, cell_mm: f64) -> (EdgeIndex, Vec<[f64; 2]>) {

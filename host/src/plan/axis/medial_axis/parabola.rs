@@ -13,7 +13,7 @@ use crate::geometry::{Point2, Vector2};
 const HEIGHT_MIN_MM: f64 = 5e-4;
 
 /// The parabola between a point and a line: `base` is the focus' foot on the line, `height` its
-/// distance; a point at abscissa x along the line lies (x² + h²) / 2h above it.
+/// distance; a point at abscissa x along the line is (x² + h²) / 2h above it.
 pub struct Parabola {
     base: Point2,
     along: Vector2,
@@ -45,8 +45,8 @@ impl Parabola {
         })
     }
 
-    /// Where along the line a point of the curve lies. Out on the steep arms it is taken from the
-    /// height, since there a rounding of the abscissa would move the point far along the arm.
+    /// The abscissa of a point of the curve along the line. On the steep arms it is computed from
+    /// the height, since there a rounding of the abscissa would move the point far along the arm.
     pub fn abscissa(&self, p: Point2) -> f64 {
         let x = self.along.dot(&(p - self.base));
         let rise = self.up.dot(&(p - self.base));

@@ -29,7 +29,7 @@ const ROUNDS_MAX: usize = 64;
 pub struct PruneOptions {
     /// Least object angle.
     pub object_angle_min_rad: f64,
-    /// A leaf shorter than this many times the radius at its base goes.
+    /// A leaf shorter than this many times the radius at its base is removed.
     pub leaf_length_ratio: f64,
     /// Components whose largest radius is below this go (the aperture's b, or a bit less).
     pub radius_min_mm: f64,

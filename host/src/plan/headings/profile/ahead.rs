@@ -19,20 +19,20 @@ const RISE_SHARE: f64 = 0.95 * CUT_SHARE_MAX;
 /// Far above the rounding of places, mm.
 const NEAR_MM: f64 = 1e-6;
 
-/// What lies ahead of one contact.
+/// The edges near one contact.
 #[derive(Clone, Debug)]
 pub enum Ahead {
     /// Edges that some heading may cut.
     Edges(EdgesAbout),
-    /// None: at no heading does the placement cut more than it may. All of them are inside, or none
-    /// is.
+    /// None: at no heading does the placement cut more than permitted. All of them are inside, or
+    /// none is.
     Clear {
         /// Inside.
         is_inside: bool,
     },
 }
 
-/// What lies ahead of each contact: the same for all contacts at the same places and normals.
+/// The edges near each contact: the same for all contacts at the same positions and normals.
 pub fn all_ahead(contacts: &[Contact], aperture: &Aperture, walls: &EdgeIndex) -> Vec<Ahead> {
     let contacts = contacts.par_iter();
     contacts

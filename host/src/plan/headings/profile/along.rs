@@ -65,8 +65,8 @@ impl<'a> Along<'a> {
         found.unwrap_or(self.contacts[i].extent_mm)
     }
 
-    /// How far a run on the axis, `along_mm` further along than contact `i`, lies to the side of the
-    /// normal there, mm.
+    /// Lateral offset of a run on the axis from the normal at contact `i`, `along_mm` further along,
+    /// mm.
     pub fn aside_mm(&self, i: usize, along_mm: f64) -> f64 {
         let [x, y] = self.axis_mm.each_ref();
         let there = self.entry(x, i, along_mm).zip(self.entry(y, i, along_mm));

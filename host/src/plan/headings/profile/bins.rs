@@ -7,7 +7,7 @@
 /// Largest turn from one contact to the next, bins.
 const TURN_BINS_MAX: usize = 12;
 
-/// Best bin of each contact; `steps` are what turning between two of them can use
+/// Best bin of each contact; `steps` are the slacks for turning between two of them
 /// ([`super::turn_slacks_per_mm`]), `start` fixes the first and last bin of a closed run.
 pub fn viterbi(
     costs: &[Vec<f32>],
@@ -100,7 +100,7 @@ fn viterbi_step(
     (next, best)
 }
 
-/// The bin in which a closed run should start: run one and a half laps and look at the middle.
+/// The bin in which a closed run should start: it follows one and a half laps and uses the middle.
 pub fn closed_start(costs: &[Vec<f32>], steps: &[f64], bin_rad: f64) -> Option<usize> {
     let count = costs.len();
     let tail = (count / 2).min(400);
@@ -117,7 +117,7 @@ fn argmin(values: &[f32]) -> usize {
     (0..values.len()).fold(0, |best, i| if values[i] < values[best] { i } else { best })
 }
 
-/// Bins to unwrapped angles, each step the shorter way round.
+/// Bins to unwrapped angles, each step in the shorter direction.
 pub fn unwrap_bins(chosen: &[usize], bins: usize, bin_rad: f64) -> Vec<f64> {
     let mut headings = Vec::with_capacity(chosen.len());
     let mut last = chosen[0] as i64;

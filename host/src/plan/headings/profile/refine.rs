@@ -12,8 +12,8 @@ const SEARCH_ROUNDS: usize = 2;
 /// Headings move less and less far, by this from round to round.
 const SHRINK: f64 = 0.6;
 
-/// Moves the headings to the least cost of placements and turning near them. All together first:
-/// what a bin is too coarse for is spread along the run, where single moves would stop half way.
+/// Moves the headings to the nearest minimum of the cost of placements and turning. First all
+/// together: errors below a bin are spread along the run, where separate moves would stop half way.
 /// Then each by itself, where the placements' costs are not smooth.
 pub fn refine(run: &ContactRun, steps: &[f64], headings: &mut Vec<f64>) {
     let count = headings.len();

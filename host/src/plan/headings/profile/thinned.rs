@@ -78,7 +78,7 @@ fn keep_of_straight(
     }
 }
 
-/// The kept contacts, each standing for the wall up to halfway to the next ones.
+/// The kept contacts, each representing the wall up to halfway to its neighbours.
 pub fn standing_for_all(contacts: &[Contact], kept: &[usize]) -> Vec<Contact> {
     let mut sums_mm = vec![0.0];
     for contact in contacts {

@@ -24,7 +24,7 @@ pub struct Station {
     pub moving: usize,
     /// See `moving`.
     pub at: f64,
-    /// Points that are laid before.
+    /// Points that are printed before.
     pub before: usize,
     /// True on moves that print.
     pub lays: bool,
@@ -41,13 +41,13 @@ pub struct Stations<'a> {
     moves: usize,
     /// In order.
     pub stations: Vec<Station>,
-    /// What is laid, in order.
+    /// The print, in order.
     pub points: Vec<Point>,
 }
 
 impl<'a> Stations<'a> {
-    /// Stations no farther from each other than half the bead's width where it prints: points that lie so close
-    /// stand for the whole bead. As many as the path is long.
+    /// Stations no farther from each other than half the bead's width where it prints: points at this distance
+    /// represent the complete bead. Their number is proportional to the path's length.
     pub fn of(
         route: &'a Route,
         normals: Option<&LayerNormals>,
@@ -61,7 +61,7 @@ impl<'a> Stations<'a> {
         found
     }
 
-    /// Puts a route behind, which is not kept.
+    /// Appends a route, which is not stored.
     pub fn append(&mut self, route: &Route, normals: Option<&LayerNormals>, settings: &Settings) {
         let first = self.stations.len();
         for route_move in &route.moves {
@@ -127,7 +127,7 @@ impl<'a> Stations<'a> {
         }
     }
 
-    /// The middle between two places of a move: that of the curve where it is kept, of the chord otherwise.
+    /// The middle between two points of a move: that of the curve if it is stored, of the chord otherwise.
     pub fn middle(&self, moving: usize, ends: [(f64, Pose); 2]) -> (f64, Pose) {
         let [(from, start), (to, end)] = ends;
         let at = 0.5 * (from + to);

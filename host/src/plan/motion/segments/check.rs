@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 const PIECE_TICKS: f64 = 8.0;
 const PIECES_MAX: f64 = 64.0;
 
-/// Ratios of a piece of the motion against the planned share of the limits.
+/// Ratios of an interval of the motion to the planned share of the limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ratios {
     /// Joint speed, tip speed, flow, extruder rate.
@@ -58,7 +58,7 @@ pub struct Piece {
 
 /// Ratio that counts as kept: the extremum between samples is exact to less than this.
 const RATIO_MAX: f64 = 1.0 - 1e-6;
-/// The same of the jerk, which a cubic piece has as a mean over it.
+/// The same for the jerk, which in a cubic piece is a mean over it.
 pub const JERK_RATIO_MAX: f64 = 1.01;
 /// What an extremum between two samples may be beyond the estimate where joints turn with the whole pose: half of
 /// this was the most, beside the pole of a turning table.
@@ -76,8 +76,8 @@ impl Piece {
             && !(with_jerk && self.ratios.jerk > JERK_RATIO_MAX)
     }
 
-    /// By what speed and acceleration have to fall (above 1), so that every ratio is kept: running
-    /// slower by a factor f divides speed by f, acceleration by f², jerk by f³.
+    /// Factors by which speed and acceleration have to decrease (above 1) to keep every ratio: a
+    /// slowing by a factor f divides speed by f, acceleration by f², jerk by f³.
     pub fn slowing(&self) -> (f64, f64) {
         let needed = |ratio: f64, max: f64| {
             if ratio > max {
@@ -97,7 +97,7 @@ impl Piece {
 /// A prime or retract that runs during a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EventRun {
-    /// Start, ticks from the move's start; negative where it began before.
+    /// Start, ticks from the move's start; negative if it began before.
     pub start_tick: f64,
     /// Duration, ticks.
     pub duration_ticks: f64,
@@ -209,8 +209,8 @@ fn piece_ratios(
 /// Spans that are worth a thread.
 const SPANS_MIN: usize = 32;
 
-/// Ratios of joints, tip and flow in the pieces of each span; `asked_at_tick` has the tip speeds asked at the ticks
-/// (or none), `known` the ratios of a span where they are known already.
+/// Ratios of joints, tip and flow in the intervals of each span; `asked_at_tick` has the requested tip speeds at
+/// the ticks (or none), `known` the known ratios of a span.
 pub fn motion_ratios<'a>(
     spline: &RestSpline,
     limits: &MotionLimits,
@@ -239,7 +239,7 @@ pub fn motion_ratios<'a>(
         .collect()
 }
 
-/// The pieces with these ratios, in order of time.
+/// The intervals with these ratios, in order of time.
 pub fn motion_pieces(spline: &RestSpline, ratios: &[Vec<Ratios>]) -> Vec<Piece> {
     let mut pieces = Vec::with_capacity(ratios.iter().map(Vec::len).sum());
     let mut start_tick = 0.0;
@@ -290,11 +290,12 @@ fn span_ratios(
         .collect()
 }
 
-/// Spans that the controller would refuse, as pieces to be slowed: its own check, in its own precision,
-/// on what it will be sent. `None` of them where the exact check above has passed, but for rounding.
+/// Spans that the controller would refuse, as intervals to be slowed: its own check, in its own
+/// precision, on the data that it will receive. If the exact check above has passed there are none,
+/// except for rounding.
 ///
 /// # Errors
-/// [`MotionError`] where slowing does not help: a joint's range, a pose without joints.
+/// [`MotionError`] if slowing does not help: a joint's range, a pose without joints.
 pub fn refused_spans(
     spline: &RestSpline,
     limits: &MotionLimits,
@@ -369,9 +370,9 @@ const TICKS_AT_ONCE: usize = 4096;
 
 /// Checks the extruder's own rate and acceleration, pressure advance and events included, tick by
 /// tick until the advance has left its window: with the advance centred on the motion, e' at t is
-/// V'(t - W/2) + events(t - W/2) + (K/W) (V'(t) - V'(t - W)).
-/// A piece beyond its limit is listed where it happens and where its delayed part came from; one
-/// piece has the worst of all others. Empty for a move that lays nothing.
+/// V'(t - W/2) + events(t - W/2) + (K/W) (V'(t) - V'(t - W)). An interval beyond its limit is
+/// listed where it happens and where its delayed part came from; one interval has the worst of all
+/// others. Empty for a move that deposits nothing.
 pub fn check_extruder(
     spline: &RestSpline,
     limits: &MotionLimits,

@@ -23,8 +23,8 @@ const BEAD_WIDTH: f64 = 1.2;
 /// An error along the path only shifts the motion in time; this many tolerances of it are let pass.
 const ALONG_FACTOR: f64 = 4.0;
 
-/// Largest error of each channel, natural units, for a ratio of 1. The volume's is what a bead carries in the
-/// tip's.
+/// Largest error of each channel, natural units, for a ratio of 1. The volume's is the volume of a bead over
+/// the tip's tolerance.
 pub fn channel_tolerances(settings: &Settings) -> [f64; CHANNELS] {
     let tolerances = &settings.tolerances;
     let bead_mm2 = BEAD_WIDTH * settings.aperture.unit_mm() * settings.layer_height_mm;
@@ -170,7 +170,8 @@ pub fn first_ticks(durations_ticks: &[u16]) -> Vec<usize> {
     next.collect()
 }
 
-/// What the ticks of a span give to the fit, whatever spans lie beside it; s = t / duration.
+/// Contribution of the ticks of a span to the fit, independent of the adjacent spans; s = t /
+/// duration.
 #[derive(Clone, Debug)]
 pub struct TickSums {
     /// Sums of powers of s, over all ticks and over those with an acceleration.
@@ -190,7 +191,7 @@ struct Scratch {
     values: Vec<[f64; CHANNELS]>,
 }
 
-/// The sums of every span; `known` has those of a span where they are known already.
+/// The sums of every span; `known` has the known ones of a span.
 pub fn tick_sums<'a>(
     path: &TickPath,
     durations_ticks: &[u16],
@@ -243,8 +244,7 @@ impl TickSums {
     }
 }
 
-/// The shares of every span in the normal equations; `known` has that of a span where it is known
-/// already.
+/// The shares of every span in the normal equations; `known` has the known one of a span.
 pub fn span_shares<'a>(
     durations_ticks: &[u16],
     sums: &[TickSums],
@@ -259,7 +259,7 @@ pub fn span_shares<'a>(
         .collect()
 }
 
-/// The same at once, with nothing known before and nothing kept.
+/// The same at once, without known shares and without storing them.
 pub fn shares_of_path(path: &TickPath, durations_ticks: &[u16]) -> Vec<SpanShare> {
     let start = quantised(&path.value(0), path.units());
     let first_ticks = first_ticks(durations_ticks);
@@ -395,8 +395,8 @@ fn moments(
     (moments, bends)
 }
 
-/// Worst error ratio of every span over its ticks; between them the path is what the spline makes
-/// of it. `known` has that of a span where it is known already.
+/// Worst error ratio of every span over its ticks; between them the path is defined by the spline.
+/// `known` has the known one of a span.
 pub fn span_errors(
     path: &TickPath,
     spline: &RestSpline,

@@ -34,11 +34,11 @@ const ERROR_AIM: f64 = 0.65;
 /// Error that a span of a layout before may grow to, below what is allowed ([`ERROR_MAX`]): cutting
 /// it would show the limits what the path does within a few milliseconds.
 const ERROR_KEPT: f64 = 1.75;
-/// Error of the fit, against its share of the tolerance, that slows the motion down: the whole
-/// tolerance with room for what lies between ticks.
+/// Error of the fit, relative to its share of the tolerance, that slows the motion down: the full
+/// tolerance with a margin for the error between ticks.
 pub const ERROR_MAX: f64 = 1.8;
 
-/// Longest span, ticks of which each has `coarse` servo ticks, of a move within these limits.
+/// Longest span of a move within these limits, in ticks of `coarse` servo ticks each.
 pub fn span_ticks_long(limits: &MotionLimits, coarse: u16) -> f64 {
     let coarse = f64::from(coarse);
     let servo_hz = limits.servo_hz * coarse;
@@ -279,8 +279,8 @@ pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS], span_ticks_long: f
     layout.refined(path, tolerances, 1.0)
 }
 
-/// Fits again after the time law changed a little: every knot stays at its place of the path, so
-/// that what was good remains so. `u_before` are the path parameters by tick before.
+/// Fits again after the time law changed a little: every knot stays at its point of the path, so
+/// that good spans stay good. `u_before` are the path parameters by tick before.
 pub fn lay_out_again(
     path: &TickPath,
     tolerances: &[f64; CHANNELS],

@@ -49,7 +49,7 @@ pub struct MotionReport {
     pub ratios: Ratios,
     /// Worst error of the fit against the share of the tolerance that it may use.
     pub fit_error_ratio: f64,
-    /// Moves whose whole time had to be doubled, because local slowing did not settle.
+    /// Moves whose complete time had to be doubled, because local slowing did not converge.
     pub doubled_moves: usize,
     /// Duration of the stream, s.
     pub duration_s: f64,
@@ -72,7 +72,7 @@ pub struct FinishedMove {
     pub fit_error_ratio: f64,
     /// True where local slowing did not settle.
     pub doubled: bool,
-    /// How long it takes without limits of the jerk, s.
+    /// Duration without limits of the jerk, s.
     pub time_bound_s: f64,
 }
 

@@ -64,8 +64,8 @@ fn is_repeated(route: &Route, first: usize, index: usize, units: &Units) -> bool
         && (0..CHANNELS).all(is_constant)
 }
 
-/// The spline of move `first` moved to where `own` begins; it ends where `own` ends, which may be
-/// a unit beside the move.
+/// The spline of move `first` moved to the start of `own`; it ends at the end of `own`, which may
+/// differ from the moved end by one unit.
 pub fn moved(spline: &RestSpline, first: &RouteMove, own: &RouteMove, units: &Units) -> RestSpline {
     let mut control = spline.control.clone();
     let ends = [own.curve.control.first(), own.curve.control.last()];

@@ -36,7 +36,7 @@ const WARP_ROUNDS: usize = 20;
 const JERK_ROUNDS: usize = 14;
 /// Doublings of all durations after that: each halves speeds and quarters accelerations.
 const DOUBLING_ROUNDS: usize = 6;
-/// A move on its way to a spline.
+/// A move that becomes a spline.
 pub struct Shaping<'a> {
     /// The move.
     pub route_move: &'a RouteMove,
@@ -50,7 +50,7 @@ pub struct Shaping<'a> {
     pub coarse: u16,
 }
 
-/// What is known of a move's time from samples of its path, which a long one has no room to keep.
+/// A move's timing data from samples of its path, which would be too large to keep for a long move.
 pub struct FirstTiming {
     /// The motion with which fitting begins.
     law: TimeLaw,
@@ -94,7 +94,7 @@ fn better(motion: FinishedMove, other: FinishedMove) -> FinishedMove {
 }
 
 impl Shaping<'_> {
-    /// Times, fits and checks until nothing exceeds its limit; what crawls on a coarse clock.
+    /// Times, fits and checks until nothing exceeds its limit; very slow moves use a coarse clock.
     pub fn finish(&self) -> Result<FinishedMove, MotionError> {
         let samples = sample_path(&self.route_move.curve, self.limits)?;
         let coarse = coarseness(&samples, self.limits);
@@ -195,8 +195,8 @@ impl Shaping<'_> {
         })
     }
 
-    /// The spline of a move that this one repeats, moved here, where it keeps the limits as that one
-    /// did: rounding at its end may take what was spared.
+    /// The spline of a move that this one repeats, moved here, if it still keeps the limits:
+    /// rounding at its end may use up the margin.
     pub fn taken_over(
         &self,
         spline: RestSpline,

@@ -20,7 +20,7 @@ const MARGIN_PER_ROUND: f64 = 0.002;
 /// Ticks that one thread goes through.
 const TICKS_AT_ONCE: usize = 4096;
 
-/// Slowness f of every tick interval in `round` (from 0) for the pieces beyond a limit.
+/// Slowness f of every tick interval in `round` (from 0) for the intervals beyond a limit.
 pub fn slowness(ticks: usize, pieces: &[Piece], round: usize) -> Vec<f64> {
     let mut slowness = vec![1.0f64; ticks];
     let flank_ticks = FLANK_TICKS * FLANK_GROWTH.powi(round as i32);

@@ -45,8 +45,8 @@ impl TimeLaw {
 }
 
 /// Smoothing window in ticks: the time in which the weakest moving joint may build up its
-/// acceleration. Between 4 ms (shorter than what a cubic span resolves) and 30 ms (longer costs
-/// more time than the shaking it spares).
+/// acceleration. Between 4 ms (less than a cubic span resolves) and 30 ms (a longer one costs more
+/// time than the avoided vibration is worth).
 pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
     let seconds = limits
         .joints
@@ -71,8 +71,8 @@ const COARSE_MAX: u16 = 128;
 /// have so many coarse ticks as they have others, 1 % of these.
 const COARSE_TICKS_MIN: f64 = 8192.0;
 
-/// How many servo ticks one step of a move's time law may have, a power of two: a move that crawls takes no
-/// more work than one of 4 mm/s, however long it lasts. 1 for all moves that are faster than 2 mm/s anywhere.
+/// Servo ticks per step of a move's time law, a power of two: a very slow move needs no more work than one of
+/// 4 mm/s, however long it lasts. 1 for all moves that are faster than 2 mm/s anywhere.
 pub fn coarseness(samples: &[PathSample], limits: &MotionLimits) -> u16 {
     let most = WAY_OF_TICK * limits.servo_hz;
     let (mut fastest, mut seconds) = (1e-9f64, 0.0);
@@ -101,7 +101,8 @@ const STRETCH_MAX_S: f64 = 6.0 * 3600.0;
 const PATIENCE_S: f64 = 20.0 * 60.0;
 const SLOWDOWN_MAX: f64 = 200.0;
 
-/// Fails for a move that would take senselessly long. `way_mm` is the tip's, `from_mm` where it begins.
+/// Fails for a move that would take unreasonably long. `way_mm` is the tip's distance, `from_mm` its
+/// start.
 pub fn check_duration(
     duration_s: f64,
     way_mm: f64,
@@ -121,7 +122,7 @@ pub fn check_duration(
     }
 }
 
-/// How long a sampled path takes at least by its speeds and accelerations, whatever the jerk, s.
+/// Least time of a sampled path by its speeds and accelerations, without jerk limits, s.
 pub fn without_jerk_s(samples: &[PathSample], limits: &MotionLimits) -> f64 {
     let mut limits = limits.clone();
     let motor = limits.pair.as_mut().map(|pair| &mut pair.motor);
@@ -137,7 +138,7 @@ pub fn without_jerk_s(samples: &[PathSample], limits: &MotionLimits) -> f64 {
     smoothing::duration_s(&u, &rate)
 }
 
-/// The time law of a sampled path: duration at least `duration_min_s`. `from_mm` is where it begins.
+/// The time law of a sampled path: duration at least `duration_min_s`. `from_mm` is its start.
 pub fn time_law(
     samples: &[PathSample],
     limits: &MotionLimits,

@@ -25,7 +25,7 @@ fn times(u: &[f64], rate: &[f64]) -> Vec<f64> {
     time
 }
 
-/// How long the path takes at the rates u̇, s.
+/// Duration of the path at the rates u̇, s.
 pub fn duration_s(u: &[f64], rate: &[f64]) -> f64 {
     times(u, rate).last().copied().unwrap_or(0.0)
 }

@@ -28,7 +28,7 @@ pub struct LegBands {
     pub is_link: bool,
 }
 
-/// Width that the nozzle lays whose long axis is at this angle from the travel.
+/// Bead width of the nozzle with its long axis at this angle from the travel.
 pub fn width_mm(off_travel_rad: f64, aperture: &Aperture) -> f64 {
     // The extent is that across the travel: alpha counts from the normal.
     let across = crate::geometry::Vector2::new(0.0, 1.0);

@@ -71,12 +71,12 @@ pub struct WidthOff {
     pub eighth_mm: f64,
     /// By more than a third.
     pub third_mm: f64,
-    /// The longest piece of that in one.
+    /// The longest connected stretch of that.
     pub longest_mm: f64,
 }
 
 impl WidthOff {
-    /// Adds what another pass has.
+    /// Adds the lengths of another pass.
     pub fn add(&mut self, other: &WidthOff) {
         self.eighth_mm += other.eighth_mm;
         self.third_mm += other.third_mm;
@@ -84,7 +84,7 @@ impl WidthOff {
     }
 }
 
-/// Headings of passes to which the nozzle comes with `start_rad`.
+/// Headings of passes that the nozzle enters with `start_rad`.
 pub fn bead_headings(
     passes: &[BeadLines],
     start_rad: f64,

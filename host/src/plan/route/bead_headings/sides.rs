@@ -26,7 +26,7 @@ impl Range {
         Range::new(self.low_rad + by_rad, self.high_rad + by_rad)
     }
 
-    /// What holds both.
+    /// The smallest range that contains both.
     pub fn hull(&self, other: &Range) -> Range {
         Range::new(
             self.low_rad.min(other.low_rad),
@@ -34,13 +34,13 @@ impl Range {
         )
     }
 
-    /// How far the ranges overlap, rad; negative, how far they are apart.
+    /// Overlap of the ranges, rad; negative for their distance.
     pub fn overlap_rad(&self, other: &Range) -> f64 {
         self.high_rad.min(other.high_rad) - self.low_rad.max(other.low_rad)
     }
 }
 
-/// Headings of a leg: on its straight middle, some way from its corners, and beside them.
+/// Headings of a leg: on its straight middle, at some distance from its corners, and close to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     pub exact: Range,
@@ -81,7 +81,7 @@ struct State {
     turn_rad: f64,
 }
 
-/// One choice a leg, counted on along the passes from `start_rad`.
+/// One choice for each leg, unwrapped along the passes from `start_rad`.
 pub fn least_turning(choices: &[Vec<Choice>], start_rad: f64, period_rad: f64) -> Vec<Choice> {
     let Some(first) = choices.first() else {
         return Vec::new();

@@ -30,7 +30,7 @@ const HALVINGS_MAX: usize = 4;
 pub(super) struct Passed {
     pub at: f64,
     pub point: Point,
-    /// The chord's direction; none of a place.
+    /// The chord's direction; `None` for a vertex.
     pub along: Option<[f64; 4]>,
     pub weight: f64,
 }

@@ -41,7 +41,7 @@ pub struct ChordMove {
     pub least_s: f64,
 }
 
-/// Moves of a file, one behind the other.
+/// Consecutive moves of a file.
 pub struct Chords {
     moves: Vec<FileMove>,
     chord_shares: [f64; 2],
@@ -56,7 +56,7 @@ struct FileMove {
 }
 
 impl Chords {
-    /// The beads of a pass; `None` where the file tells no volumes.
+    /// The beads of a pass; `None` if the file gives no volumes.
     pub fn of_pass(pass: &GcodePass, flow_factor: f64) -> Option<Chords> {
         let (first, others) = pass.points.split_first()?;
         Chords::of(
@@ -67,7 +67,7 @@ impl Chords {
         )
     }
 
-    /// The travel from a place to a pass, its first `skipped` legs left out.
+    /// The travel from a position to a pass, without its first `skipped` legs.
     pub fn of_travel(from: &Place, pass: &GcodePass, skipped: usize) -> Option<Chords> {
         let places = pass.travel.iter().chain(pass.points.first());
         let legs = places.zip(&pass.travel_legs).skip(skipped);

@@ -20,7 +20,8 @@ pub fn peak_mm_s(mean_mm_s: f64, seconds: f64, rests: usize, acceleration_mm_s2:
     }
 }
 
-/// The greatest of the speeds within a way of each leg: a speed holds within so much, and a rising one is no limit.
+/// The greatest of the speeds within a distance of each leg: a speed is a bound within that distance, and a rising
+/// one is not a limit.
 pub fn fastest_within(speeds_mm_s: &[f64], ways_mm: &[f64], within_mm: f64) -> Vec<f64> {
     let mut ends_mm = vec![0.0];
     for way_mm in ways_mm {

@@ -23,7 +23,7 @@ const SKEW_RAD: f64 = 0.4;
 /// scallops of 1.5 % of b, which the bead beside it is thought to fill.
 const STEP_SHARE: f64 = 0.2;
 
-/// Fresh ground under one pass, as shares of what it covers.
+/// Newly covered area of one pass, as shares of its area.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FreshShares {
     /// Of the aperture at the first pose.
@@ -47,7 +47,8 @@ pub fn pose_step_mm(aperture: &Aperture) -> f64 {
     STEP_SHARE * aperture.minor_mm()
 }
 
-/// The fresh ground of each pass, in printing order; `scale` where the plane is the chart of curved ground.
+/// The newly covered area of each pass, in printing order; `scale` if the plane is the chart of a curved
+/// surface.
 pub fn fresh_shares(
     passes: &[Vec<Configuration>],
     aperture: &Aperture,

@@ -117,18 +117,18 @@ fn step_area_mm2(
     correction * turning
 }
 
-/// What a pass lays.
+/// The bead of a pass.
 #[derive(Clone, Copy, Debug)]
 pub struct Bead<'a> {
     /// The nozzle.
     pub aperture: &'a Aperture,
     /// Layer height, mm.
     pub height_mm: f64,
-    /// Volume laid by that of the ground covered.
+    /// Ratio of the deposited volume to the covered area times the height.
     pub flow_factor: f64,
     /// Length over which the flow is averaged, [`SMOOTHING_ROUNDS`] times, mm.
     pub smoothing_mm: f64,
-    /// How large the nozzle is by place, where the plane is the chart of curved ground.
+    /// Size of the nozzle by position, if the plane is the chart of a curved surface.
     pub scale: Option<&'a ScaleField>,
 }
 
@@ -164,11 +164,11 @@ impl<'a> Bead<'a> {
         step_area_mm2(self.aperture, outline, &from, &to) / lambda.powi(2)
     }
 
-    /// Cumulative deposited volume at each pose of a pass, mm³, from 0, never falling: what the
-    /// steps newly cover, `fresh` says how much of their fronts that is.
+    /// Cumulative deposited volume at each pose of a pass, mm³, from 0, never decreasing: the area
+    /// that the steps newly cover, with `fresh` as its share of their fronts.
     ///
-    /// The fresh ground under the first pose is brought along the first aperture length of the
-    /// path, as a surplus that fades out linearly.
+    /// The newly covered area under the first pose is deposited along the first aperture length of
+    /// the path, as a surplus that decreases linearly.
     pub fn deposit(&self, poses: &[Configuration], fresh: &FreshShares) -> Vec<f64> {
         if poses.is_empty() {
             return Vec::new();

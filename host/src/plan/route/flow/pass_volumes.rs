@@ -23,8 +23,8 @@ use std::sync::Arc;
 /// Most poses of one span.
 const STEPS_MAX: f64 = 256.0;
 
-/// For each pass the volume that it has deposited at its control points; `scale` where the plane is the chart of curved
-/// ground: the volumes are those of the chart then.
+/// For each pass the volume that it has deposited at its control points; `scale` if the plane is the chart of a
+/// curved surface: the volumes are then those of the chart.
 pub fn volumes_mm3(
     passes: &[PlanePass],
     scale: Option<&ScaleField>,

@@ -33,12 +33,12 @@ const OUT_SHARE_MAX: f64 = 3.0;
 /// Arcs of grown keep-outs are chords inside them by this share of the radius (see `grown`).
 const CHORD_SHARE: f64 = 2e-4;
 
-/// The target without what the keep-outs take.
+/// The target without the area of the keep-outs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cleared {
     /// What is left, input coordinates.
     pub regions: Vec<Region>,
-    /// Ground given up, mm².
+    /// Lost area, mm².
     pub lost_mm2: f64,
 }
 
@@ -77,14 +77,14 @@ pub fn taken(keep_out: &[Region], settings: &Settings) -> Vec<Region> {
     grown(keep_out, body_mm.max(0.0) * (1.0 + CHORD_SHARE) + margin_mm)
 }
 
-/// A way around the keep-outs: straight legs over these corners, ends left out.
+/// A path around the keep-outs: straight legs over these corners, without ends.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Way {
     /// Left with the heading kept.
     pub out: Option<Point2>,
     /// In between, the head turns.
     pub corners: Vec<Point2>,
-    /// From here on with the heading of what comes.
+    /// From this point on with the heading of the next pass.
     pub back: Option<Point2>,
     /// The corners may be rounded, so that the head need not stop there.
     pub rounded: bool,
@@ -124,7 +124,7 @@ impl Detours {
         })
     }
 
-    /// The way from one placement to another; `None` where there is none.
+    /// The path from one placement to another; `None` if there is none.
     pub fn way(&mut self, from: Configuration, to: Configuration) -> Option<Way> {
         let out = self.exit(from)?;
         let back = self.exit(to)?;
@@ -138,7 +138,7 @@ impl Detours {
         })
     }
 
-    /// True where the disk keeps out all along the way.
+    /// True if the disk stays outside along the complete path.
     pub fn is_clear(&self, way: &[Point2]) -> bool {
         let legs = way.windows(2);
         way.iter().all(|&p| self.router.is_free(p))

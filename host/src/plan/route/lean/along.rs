@@ -36,7 +36,7 @@ struct Knot {
     places: std::ops::Range<usize>,
 }
 
-/// Axes of a pass at its waypoints, free at all of its places.
+/// Axes of a pass at its waypoints, free at all of its points.
 pub fn axes_along(
     laid: &Laid,
     pass: &PassPlaces,

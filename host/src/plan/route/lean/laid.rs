@@ -22,17 +22,17 @@ const SLACK_SHARE: f64 = 0.9;
 /// Turn of the axis between two places, rad.
 const TURN_RAD: f64 = 0.05;
 
-/// A place of a pass.
+/// A point of a pass.
 #[derive(Clone, Copy, Debug)]
 pub struct PassPlace {
-    /// Tip and how many points stand.
+    /// Tip and number of existing points.
     pub place: Place,
-    /// The waypoint before it, in the pass, and how far it is on the way to the next one.
+    /// The waypoint before it, in the pass, and its share of the distance to the next one.
     pub after: usize,
     pub share: f64,
 }
 
-/// The places of a pass.
+/// The points of a pass.
 #[derive(Clone, Debug)]
 pub struct PassPlaces {
     /// Its waypoints in the run.
@@ -41,15 +41,15 @@ pub struct PassPlaces {
     pub places: Vec<PassPlace>,
 }
 
-/// A run laid.
+/// A printed run.
 pub struct Laid {
     pub passes: Vec<PassPlaces>,
-    /// What stands: obstacles, then what is laid.
+    /// Obstacles, then the print.
     pub points: Vec<Point>,
     /// How many of them are obstacles.
     pub obstacles: usize,
     pub offset_mm: Vector3,
-    /// What stands.
+    /// Obstacles and print, as a tree.
     pub standing: Standing,
     /// The head, and the same with the margin that leaning axes keep.
     profiles: [HeadProfile; 2],
@@ -107,7 +107,7 @@ impl Laid {
 }
 
 impl Laid {
-    /// The head, one that keeps the margin where it `keeps`.
+    /// The head, with the margin if `keeps`.
     pub fn head(&self, keeps: bool) -> Head<'_> {
         Head {
             profile: &self.profiles[usize::from(keeps)],
@@ -115,7 +115,7 @@ impl Laid {
         }
     }
 
-    /// What an axis touches at a place: a point in its order, or the table, which is none.
+    /// The collision of an axis at a point: the index of a printed point, or none for the table.
     pub fn touch(&self, place: &Place, axis: Vector3, keeps: bool) -> Option<Option<usize>> {
         let above_mm = place.tip_mm.z - self.table_mm;
         let below_mm = self.profiles[0].below_tip_mm(&axis);
@@ -130,7 +130,7 @@ impl Laid {
         head.any(&self.standing, &pose, place.before).map(Some)
     }
 
-    /// The first place of a pass at which its axes touch, and what they touch; axes turn evenly between waypoints.
+    /// The first point of a pass with a collision, and the obstacle; axes turn uniformly between waypoints.
     pub fn first_touch(
         &self,
         pass: &PassPlaces,
@@ -144,7 +144,7 @@ impl Laid {
         })
     }
 
-    /// How far the head may tilt over the table at all places of a pass, rad.
+    /// Largest tilt of the head over the table at all points of a pass, rad.
     pub fn tilt_over_table_rad(&self, pass: &PassPlaces) -> f64 {
         let heights = pass.places.iter().map(|place| place.place.tip_mm.z);
         let above_mm = heights.fold(f64::INFINITY, f64::min) - self.table_mm;

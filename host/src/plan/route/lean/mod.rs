@@ -33,16 +33,16 @@ pub use normals::{LayerNormals, PassNormals};
 /// Axes closer than this are one, rad.
 const SAME_AXIS_RAD: f64 = 1e-9;
 
-/// A run whose axes lean.
+/// A run with tilted axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Leaned {
     /// The run.
     pub run: WaypointRun,
-    /// Passes that lean, of how many.
+    /// Number of tilted passes, and of all.
     pub passes: [usize; 2],
     /// By how much at most, rad.
     pub lean_max_rad: f64,
-    /// Normals of the layers that they lay.
+    /// Normals of their layers.
     pub normals: LayerNormals,
 }
 
@@ -87,7 +87,7 @@ pub enum LeanError {
     },
 }
 
-/// The run with axes that lean where it would touch; `None` where all of it is clear as it is.
+/// The run with axes that tilt away where it would collide; `None` if all of it is clear already.
 ///
 /// # Errors
 /// [`LeanError`].

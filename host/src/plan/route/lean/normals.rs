@@ -34,7 +34,7 @@ impl LayerNormals {
         }
     }
 
-    /// Along a pass, or no pass.
+    /// Along a pass, or along none.
     pub fn along(&self, pass: Option<u32>) -> PassNormals<'_> {
         let waypoints = pass.and_then(|pass| self.passes.get(pass as usize));
         PassNormals {
@@ -44,7 +44,7 @@ impl LayerNormals {
 }
 
 impl PassNormals<'_> {
-    /// The normal at the next place; none where nothing is known of the pass.
+    /// The normal at the next point; `None` if the pass is unknown.
     pub fn next(&mut self, tip_mm: &Vector3) -> Option<Vector3> {
         let away = |waypoint: &[Vector3; 2]| (waypoint[0] - tip_mm).norm_squared();
         while let [here, next, ..] = self.waypoints {

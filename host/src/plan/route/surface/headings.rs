@@ -21,7 +21,7 @@ const REACH: usize = 8;
 /// Times that the steps are averaged with their neighbours.
 const AVERAGINGS: usize = 4;
 
-/// A place of a pass.
+/// A point of a pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bead {
     /// Heading of the plan.
@@ -34,7 +34,7 @@ pub struct Bead {
     pub step_mm: f64,
 }
 
-/// For each place by how much the heading is turned.
+/// For each point the turn of the heading.
 pub fn turns_rad(beads: &[Bead], aperture: &Aperture, turn_weight_mm4: f64) -> Vec<f64> {
     if aperture.is_round() || beads.is_empty() {
         return vec![0.0; beads.len()];

@@ -55,13 +55,13 @@ type Point = [f64; CHANNELS];
 pub struct LayerFoldsError {
     /// The layer's top.
     pub above_mm: f64,
-    /// Place on the ground.
+    /// Point on the surface.
     pub at_mm: [f64; 3],
 }
 
-/// The ground that a plan is laid on.
+/// The surface of a plan.
 pub struct LaidOn<'a> {
-    /// From the plan's plane to the ground.
+    /// From the plan's plane to the surface.
     pub chart: &'a dyn Chart,
     /// The nozzle's scale that the plan was made with.
     pub scale: &'a ScaleField,

@@ -10,11 +10,11 @@ use nalgebra::Vector3;
 type Point = [f64; CHANNELS];
 
 /// Cubic spline over the chord length of its tip, all channels at once. Its first and last piece
-/// are parabolas: natural ends would turn the travel there by a quarter of a chord's turn.
+/// are parabolas: natural ends would rotate the travel there by a quarter of a chord's turn.
 pub struct Spline {
     /// Chord length at each point, mm.
     pub knots: Vec<f64>,
-    /// What it goes through.
+    /// The interpolated points.
     pub points: Vec<Point>,
     /// Second derivatives by chord length.
     bends: Vec<Point>,
@@ -33,7 +33,7 @@ impl Spline {
         Spline::over(knots, points)
     }
 
-    /// The same over these lengths, which rise.
+    /// The same over these increasing lengths.
     pub fn over(knots: Vec<f64>, points: &[Point]) -> Spline {
         let n = points.len();
         let mut rows = vec![Row::fixed([0.0; CHANNELS]); n];

@@ -29,7 +29,7 @@ impl Curve<'_> {
             .collect()
     }
 
-    /// The B-spline in even spans, as many as it takes; `None` where these are too many.
+    /// The B-spline in even spans, as many as necessary; `None` if these are too many.
     pub fn fit(&self, points: usize, near_rad: f64, spans_max: usize) -> Option<PathCurve> {
         let mut spans = (self.spline.length() / SPAN_MM)
             .ceil()

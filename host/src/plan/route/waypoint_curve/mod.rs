@@ -90,10 +90,10 @@ pub enum WaypointCurveError {
 pub struct WaypointPasses {
     /// Their curves.
     pub passes: Vec<Vec<PathCurve>>,
-    /// For each curve of all passes in order the speeds that its waypoints ask for: path parameter and mm/s; empty
-    /// where they ask for none.
+    /// For each curve of all passes in order the speeds that its waypoints request: path parameter and mm/s; empty
+    /// if they request none.
     pub speeds_mm_s: Vec<Vec<[f64; 2]>>,
-    /// What each pass asks for.
+    /// Requests of each pass.
     pub asked: Vec<PassAsked>,
     /// What became of their corners.
     pub rounded: RoundedCorners,
@@ -391,14 +391,14 @@ fn laid_width_mm(pose: &Point, direction: &Point, aperture: &Aperture) -> f64 {
     2.0 * aperture.extent_mm(pose[CHANNEL_HEADING], across)
 }
 
-/// Takes the tool axis of a pose to Z: directions as the tool sees them, but for its heading.
+/// Rotates the tool axis of a pose to Z: directions as seen by the tool, apart from its heading.
 pub fn upright(pose: &Point) -> Rotation3<f64> {
     let tilt = Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]);
     debug_assert!(tool_axis(tilt).norm() > 0.5);
     Rotation3::new(Vector3::new(tilt.x, tilt.y, 0.0)).inverse()
 }
 
-/// Half the width that the nozzle lays from one pose to the next, mm; the narrowest where it does not move.
+/// Half the bead width of the nozzle from one pose to the next, mm; the narrowest if it does not move.
 pub fn half_width_mm(from: &Point, to: &Point, aperture: &Aperture) -> f64 {
     let step = upright(from) * Vector3::from_fn(|i, _| to[CHANNEL_X + i] - from[CHANNEL_X + i]);
     let across = Vector2::new(-step.y, step.x).try_normalize(1e-9);

@@ -22,17 +22,17 @@ const ROUNDS: usize = 4;
 
 type Point = [f64; CHANNELS];
 
-/// A piece of a pass between two rests.
+/// A part of a pass between two rests.
 pub struct Piece<'a> {
     /// Its waypoints.
     pub points: &'a [Waypoint],
     /// Their poses on the machine.
     pub poses: Vec<Point>,
-    /// What is meant between them; none on the spot.
+    /// The intended curve between them; `None` for a turn in place.
     pub spline: Option<RoundedSpline>,
 }
 
-/// The pieces of a pass of two waypoints or more.
+/// The parts of a pass of two waypoints or more.
 pub fn pieces<'a>(
     points: &'a [Waypoint],
     offset_mm: [f64; 3],

@@ -78,7 +78,7 @@ impl RoundedCorners {
         }
     }
 
-    /// The settings with what is left of the axis' tolerance.
+    /// The settings with the rest of the axis's tolerance.
     pub fn left_of(&self, settings: &Settings) -> Settings {
         Settings {
             axis_tolerance_rad: (settings.axis_tolerance_rad - self.axis_off_rad).max(0.0),
@@ -87,7 +87,7 @@ impl RoundedCorners {
     }
 }
 
-/// How far what may be off, mm and rad.
+/// Permitted deviations, mm and rad.
 #[derive(Clone, Copy, Debug)]
 pub struct CornerTolerances {
     /// The tip; 0: nothing is rounded.
@@ -97,8 +97,8 @@ pub struct CornerTolerances {
 }
 
 impl CornerTolerances {
-    /// What settings ask for. Half of the axis' tolerance is left for leading past singular places, so that
-    /// both together stay within it.
+    /// From the settings. Half of the axis's tolerance is reserved for leading past singular directions, so
+    /// that both together stay within it.
     pub fn of(settings: &Settings) -> CornerTolerances {
         CornerTolerances {
             tip_mm: settings.tolerances.corner_mm,
@@ -251,13 +251,14 @@ fn half_mm(slope_jump: f64, bend_jump: f64, tolerance: f64) -> f64 {
     2.0 * tolerance / (linear + root).max(f64::MIN_POSITIVE)
 }
 
-/// A stretch of waypoints between rests: which of its own it turns at without one, and their poses.
+/// A stretch of waypoints between rests: the waypoints at which it turns without a rest, and their
+/// poses.
 pub struct Stretch<'a> {
     /// Poses at the waypoints.
     pub poses: &'a [Point],
     /// Chord length at each, mm.
     pub knots: &'a [f64],
-    /// Inner waypoints at which the path turns by more than a spline is led through.
+    /// Inner waypoints at which the path turns by too much for a spline through them.
     pub corners: &'a [usize],
 }
 
@@ -266,10 +267,10 @@ pub struct Stretch<'a> {
 pub struct MustRest(pub Vec<usize>);
 
 impl Stretch<'_> {
-    /// The channels with all corners rounded, and what became of them.
+    /// The channels with all corners rounded, and the result for each corner.
     ///
     /// # Errors
-    /// [`MustRest`] with the corners that stay some.
+    /// [`MustRest`] with the corners that cannot be rounded.
     pub fn rounded(
         &self,
         tolerances: CornerTolerances,

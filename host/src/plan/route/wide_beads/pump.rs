@@ -13,7 +13,7 @@ use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 /// The stop of a short pass, share of its path: the flow falls over half of the stop before it and half after it.
 const STOP_SHARE_MAX: f64 = 0.5;
 
-/// Takes the volume of the last `stop_mm` from the curves of one pass; what that is, mm³.
+/// Removes the volume of the last `stop_mm` from the curves of one pass, and returns it, mm³.
 pub fn stopped_early(curves: &mut [PathCurve], stop_mm: f64) -> f64 {
     let length_mm: f64 = curves.iter().map(|curve| way_mm(&curve.control)).sum();
     let stop_mm = stop_mm.min(STOP_SHARE_MAX * length_mm);

@@ -25,8 +25,8 @@ const PIECE_TICKS: f64 = 5.0;
 /// Most that one round slows or speeds up, as b.
 const SQUARED_PACE_MIN: f64 = 0.3;
 const SQUARED_PACE_MAX: f64 = 4.0;
-/// Squared pace below which a result is not taken: half of what was asked for. Steps that did not
-/// settle may end near 0 or below, where the motion would last for ever.
+/// Squared rate below which a result is rejected: half of the required one. Steps that did not
+/// converge may end near 0 or below, where the motion would never end.
 pub const SQUARED_PACE_FLOOR: f64 = 0.5 * SQUARED_PACE_MIN;
 /// The pace as it is: (b, b', b'').
 const AS_IT_IS: [f64; 3] = [1.0, 0.0, 0.0];
@@ -55,11 +55,11 @@ pub struct WindowRows {
 pub struct Motion<'a> {
     /// Its spline.
     pub spline: &'a RestSpline,
-    /// For each span the speed that its fit can take, against the one it has.
+    /// For each span the speed that its fit permits, relative to its current one.
     pub fit_slowing: &'a [f64],
     /// Tick at which each span begins.
     pub first_ticks: &'a [usize],
-    /// Tip speeds asked at its ticks; empty where none are.
+    /// Requested tip speeds at its ticks; empty if there are none.
     pub asked_at_tick: &'a [f64],
     /// What binds it.
     pub limits: &'a MotionLimits,

@@ -88,7 +88,7 @@ impl PaceGrid {
     }
 }
 
-/// The motion of a layout with u at its ticks, run anew, in at least so many ticks.
+/// The retimed motion of a layout with u at its ticks, with a minimum number of ticks.
 pub fn retimed(
     layout: &Layout,
     u_at_tick: &[f64],
