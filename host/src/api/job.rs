@@ -34,7 +34,7 @@ pub struct Job {
     notes: Vec<String>,
 }
 
-/// What a simulated run came to.
+/// Result of a simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulation {
     figures: Figures,
@@ -45,7 +45,7 @@ impl Job {
     /// Reads a job file.
     ///
     /// # Errors
-    /// [`Error::Job`] where a byte of it is not as it was written, with the place.
+    /// [`Error::Job`] if any byte of it has changed, with the place.
     pub fn from_bytes(bytes: Vec<u8>) -> Result<Job, Error> {
         let job_error = |error: String| Error::Job(error);
         let file = file::read(&mut Cursor::new(bytes.as_slice()));
@@ -90,7 +90,7 @@ impl Job {
         name.map_or("part", String::as_str)
     }
 
-    /// What the user should know of it, one line each; of a job from a file nothing is known any more.
+    /// Notes for the user, one line each; none for a job from a file.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -110,15 +110,15 @@ impl Job {
         number(&self.figures, key)
     }
 
-    /// How long it takes.
+    /// Its duration.
     pub fn duration_s(&self) -> f64 {
         pose_table::duration_ticks(&self.stream) as f64 / self.servo_hz()
     }
 
-    /// Its poses at even steps of time, from its begin to its end.
+    /// Its poses at even steps of time, from its start to its end.
     ///
     /// # Errors
-    /// [`Error::Job`] where the step is none, or makes more than 40 million poses.
+    /// [`Error::Job`] if the step is invalid, or gives more than 40 million poses.
     pub fn poses(&self, every_s: f64) -> Result<impl Iterator<Item = JobPose> + '_, Error> {
         let servo_hz = self.servo_hz();
         let every_ticks = self.checked_step_s(every_s)? * servo_hz;
@@ -130,7 +130,7 @@ impl Job {
     /// Writes its poses as CSV, with the columns of `headway export --to csv`.
     ///
     /// # Errors
-    /// As [`Job::poses`], and where it cannot be written.
+    /// As for [`Job::poses`], and if it cannot be written.
     pub fn write_csv(&self, mut out: impl Write, every_s: f64) -> Result<(), Error> {
         let every_ms = 1e3 * self.checked_step_s(every_s)?;
         let transform = &self.file.header.transform;
@@ -151,7 +151,7 @@ impl Job {
     /// The joints at even steps of time and at its end: positions, rates, accelerations, motor steps.
     ///
     /// # Errors
-    /// As [`Job::poses`]; an item is one where the machine has no joints for a pose.
+    /// As for [`Job::poses`]; an item is an error if the machine has no joints for a pose.
     pub fn joint_poses(
         &self,
         every_s: f64,
@@ -169,7 +169,7 @@ impl Job {
     /// Writes its joints as CSV, with the columns of `headway export --to csv --joints`.
     ///
     /// # Errors
-    /// As [`Job::joint_poses`], and where it cannot be written.
+    /// As for [`Job::joint_poses`], and if it cannot be written.
     pub fn write_joints_csv(&self, mut out: impl Write, every_s: f64) -> Result<(), Error> {
         let table = self.joint_table(every_s)?;
         let written = table.write_csv(&mut out);
@@ -180,7 +180,7 @@ impl Job {
     /// names of the joints in the machine's order, or the machine file's.
     ///
     /// # Errors
-    /// As [`Job::joint_poses`], and where names are too few, too many or no names.
+    /// As for [`Job::joint_poses`], and if there are too few or too many names, or invalid ones.
     pub fn write_trajectory(
         &self,
         mut out: impl Write,
@@ -215,7 +215,7 @@ impl Job {
     /// defaults of `headway export --to gcode`.
     ///
     /// # Errors
-    /// [`Error::Job`] for another dialect, or where it cannot be written.
+    /// [`Error::Job`] for another dialect, or if it cannot be written.
     pub fn write_gcode(&self, out: impl Write, dialect: &str) -> Result<(), Error> {
         let known = Dialect::ALL.into_iter().find(|of| of.name() == dialect);
         let dialect = known.ok_or_else(|| {
@@ -257,7 +257,8 @@ impl Job {
     /// every random choice.
     ///
     /// # Errors
-    /// [`Error::Job`] where the link's text is none; a fault of the run is in the result.
+    /// [`Error::Job`] if the link's text is invalid; a fault during the simulation is in the
+    /// result.
     pub fn simulate(&self, link: &str, seed: u64) -> Result<Simulation, Error> {
         let job_error = |error: String| Error::Job(error);
         let link = match link {
@@ -310,7 +311,7 @@ impl Simulation {
         number(&self.figures, key)
     }
 
-    /// Whether the steps came to the plan's end without a fault; else what happened.
+    /// Whether the steps reached the plan's end without a fault; otherwise the reason.
     ///
     /// # Errors
     /// [`Error::Job`].

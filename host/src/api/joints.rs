@@ -17,13 +17,13 @@ pub struct JobJoint {
     pub unit: &'static str,
     /// What its columns in tables begin with.
     pub column: String,
-    /// Motor steps for a mm or rad.
+    /// Motor steps per mm or rad.
     pub steps_per_unit: f64,
     /// Lowest and highest position; without ends negative and positive infinity.
     pub range: [f64; 2],
 }
 
-/// The joints at one moment, in the machine's order.
+/// The joints at one time, in the machine's order.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct JobJoints {
@@ -31,7 +31,7 @@ pub struct JobJoints {
     pub time_s: f64,
     /// Layer from 0.
     pub layer: u32,
-    /// Pass from 0 over the whole job; `None` off the passes.
+    /// Pass from 0 over the complete job; `None` between passes.
     pub pass: Option<u32>,
     /// What the head does.
     pub state: MotionState,
@@ -41,7 +41,7 @@ pub struct JobJoints {
     pub flow_mm3_s: f64,
     /// Positions, mm or rad; joints that turn without end count their turns.
     pub position: Vec<f64>,
-    /// Rates, a second.
+    /// Rates, per second.
     pub velocity: Vec<f64>,
     /// Second derivatives.
     pub acceleration: Vec<f64>,

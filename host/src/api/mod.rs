@@ -42,7 +42,7 @@ pub use planning::{Machine, Step, plan, plan_watched};
 pub use pose::JobPose;
 pub use streaming::StreamStep;
 
-/// Why something cannot be done; the text names the place and what to do.
+/// Why something cannot be done; the text gives the place and a remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -52,16 +52,16 @@ pub enum Error {
     /// The machine file or the options.
     #[error("{0}")]
     Options(String),
-    /// The part cannot be planned as asked.
+    /// The part cannot be planned as requested.
     #[error("{0}")]
     Plan(String),
-    /// A job file, or what is to be made of a job.
+    /// A job file, or an operation on a job.
     #[error("{0}")]
     Job(String),
     /// The line to the board, or the board.
     #[error("{0}")]
     Line(String),
-    /// Whoever watched wanted no more.
+    /// The progress callback stopped it.
     #[error("stopped as asked; nothing is written")]
     Stopped,
 }

@@ -15,13 +15,13 @@ use crate::mesh::{self, LoadedMesh, Mesh, MeshOptions};
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Reading {
-    /// Unit of the coordinates, over what the file says.
+    /// Unit of the coordinates; overrides the file's.
     pub units: Option<Units>,
     /// Factor on all coordinates, after the unit.
     pub scale: f64,
     /// Curves become polygons this close.
     pub flatten_mm: f64,
-    /// Mend crossings, overlaps and open contours by the fill rule, and say what was changed.
+    /// Repair crossings, overlaps and open contours by the fill rule, and report the changes.
     pub repair: bool,
 }
 
@@ -59,7 +59,7 @@ pub(super) enum What {
     Mesh(LoadedMesh),
     Path(WaypointRun),
     Gcode(Box<GcodeProgram>),
-    /// The whole of a surface, and its name.
+    /// A complete surface, and its name.
     Patch(String, Mesh),
 }
 
@@ -68,7 +68,7 @@ impl Part {
     /// at the end is dropped; rings may turn either way.
     ///
     /// # Errors
-    /// [`Error::Part`] where it is no valid outline, with the place.
+    /// [`Error::Part`] if it is not a valid outline, with the place.
     pub fn from_polygons(name: &str, polygons: &[Vec<Vec<[f64; 2]>>]) -> Result<Part, Error> {
         if let Some(empty) = polygons.iter().position(Vec::is_empty) {
             return Err(Error::Part(format!(
@@ -80,8 +80,7 @@ impl Part {
     }
 
     /// A file's bytes: polygon JSON, GeoJSON, SVG, DXF, a mesh, waypoints, NURBS or G-code, by its ending (`json`,
-    /// `geojson`, `svg`, `dxf`, `stl`, `3mf`, `obj`, `wpt`, `nurbs`, `gcode`). The name is used where the file has none
-    /// of its own.
+    /// `geojson`, `svg`, `dxf`, `stl`, `3mf`, `obj`, `wpt`, `nurbs`, `gcode`). The name is used if the file has none.
     ///
     /// # Errors
     /// [`Error::Part`], with the place.
@@ -108,7 +107,7 @@ impl Part {
         }))
     }
 
-    /// A surface by itself: the whole of a mesh that is not closed, up to its rims, one bead's height thick.
+    /// A surface by itself: a complete mesh that is not closed, up to its rims, one bead's height thick.
     ///
     /// # Errors
     /// [`Error::Part`], with the place.
@@ -122,10 +121,10 @@ impl Part {
         Ok(Part::of(What::Patch(name.to_string(), surface)))
     }
 
-    /// The same outline, seen from above, laid on a surface: a mesh's bytes.
+    /// The same outline, seen from above, projected onto a surface: a mesh's bytes.
     ///
     /// # Errors
-    /// [`Error::Part`] where it is no outline, or the mesh cannot be read.
+    /// [`Error::Part`] if it is not an outline, or the mesh cannot be read.
     pub fn on_surface(
         mut self,
         ending: &str,
@@ -141,10 +140,12 @@ impl Part {
         Ok(self)
     }
 
-    /// The same part around what neither aperture nor nozzle body may enter, in the part's coordinates.
+    /// The same part with keep-outs that neither aperture nor nozzle body may enter, in the part's
+    /// coordinates.
     ///
     /// # Errors
-    /// [`Error::Part`] where the part is a path, which is followed as it is, or the other is no outline.
+    /// [`Error::Part`] if the part is a path, which is followed unchanged, or the keep-out is not an
+    /// outline.
     pub fn keeping_out(mut self, keep_out: &Part) -> Result<Part, Error> {
         match (&self.what, &keep_out.what) {
             (What::Outline(_) | What::Mesh(_), What::Outline(out)) => {

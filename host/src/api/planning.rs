@@ -57,9 +57,9 @@ impl Machine {
 pub struct Step {
     /// The stage, in a word or two.
     pub stage: &'static str,
-    /// Steps of it that are done.
+    /// Finished steps of it.
     pub done: usize,
-    /// Steps of it in all.
+    /// Total steps of it.
     pub total: usize,
 }
 
@@ -71,8 +71,8 @@ pub fn plan(part: &Part, machine: &Machine, options: &Options) -> Result<Job, Er
     plan_watched(part, machine, options, &|_| ControlFlow::Continue(()))
 }
 
-/// The same, watched: `watch` is called at each step, from whichever thread, one call after another, and
-/// stops the planning with `Break`, at the latest when the steps that were begun are done.
+/// The same with progress reports: `watch` is called at each step, from any thread, one call after
+/// another, and stops the planning with `Break`, at the latest when the current steps are done.
 ///
 /// # Errors
 /// The same and [`Error::Stopped`].

@@ -22,7 +22,7 @@ pub struct JobPose {
     pub time_s: f64,
     /// Layer from 0.
     pub layer: u32,
-    /// Pass from 0 over the whole job; `None` off the passes.
+    /// Pass from 0 over the complete job; `None` between passes.
     pub pass: Option<u32>,
     /// The nozzle's tip, the part's coordinates.
     pub tip_mm: [f64; 3],

@@ -28,13 +28,13 @@ pub struct StreamStep {
 }
 
 impl Job {
-    /// Streams it to a board, until the machine has reached its end: `port` is a serial port's name,
-    /// `tcp:HOST:PORT` or `unix:PATH`; `baud` counts for serial ports. `watch` is called at each report of
-    /// the board and aborts on the path with `Break`. The machine must stand where the job begins
-    /// (`headway board go`), and be as hot as it has to be: heaters are left alone.
+    /// Streams it to a board until the machine has reached its end: `port` is a serial port's name,
+    /// `tcp:HOST:PORT` or `unix:PATH`; `baud` applies to serial ports. `watch` is called at each report of
+    /// the board and aborts on the path with `Break`. The machine must be at the start of the job
+    /// (`headway board go`), and at its temperatures: heaters are not changed.
     ///
     /// # Errors
-    /// [`Error::Line`], and [`Error::Stopped`] once the machine rests after an abort.
+    /// [`Error::Line`], and [`Error::Stopped`] once the machine is at rest after an abort.
     pub fn stream(
         &self,
         port: &str,

@@ -26,11 +26,11 @@ use refined::refined;
 /// Longest way of a span along the bed, mm. Control points are moved, not the curve: between them a bed
 /// with the curvature m'' is missed by up to way² m'' / 6, 0.5 µm for a millimetre of warp in 100 mm.
 const SPAN_MM: f64 = 2.0;
-/// Where the whole mesh still counts, mm above Z 0, unless the file says otherwise: Klipper's `fade_start`.
+/// Default height up to which the mesh applies fully, mm above Z 0: Klipper's `fade_start`.
 pub const FADE_START_MM: f64 = 1.0;
-/// Where it counts no more, unless the file says otherwise: Klipper's and Marlin's.
+/// Default height from which it does not apply: Klipper's and Marlin's.
 pub const FADE_HEIGHT_MM: f64 = 10.0;
-/// Largest share by which a layer may be thicker or thinner than planned where the mesh is blended out.
+/// Largest share by which a layer may be thicker or thinner than planned while the mesh is blended out.
 pub const LAYER_SHARE_MAX: f64 = 0.05;
 
 /// Heights of a bed.
@@ -44,7 +44,7 @@ pub struct BedMesh {
     pub max_mm: [f64; 2],
     /// Z at which the nozzle touches the bed, mm: rows from the lowest y up, in each from the lowest x up.
     pub heights_mm: Vec<Vec<f64>>,
-    /// Z up to which the job follows the bed wholly, mm.
+    /// Z up to which the job follows the bed fully, mm.
     pub fade_start_mm: f64,
     /// Z from which on it is planar, mm.
     pub fade_height_mm: f64,

@@ -28,7 +28,7 @@ impl BedMesh {
         cubic(along_y, self.heights_mm.len(), |number| Some(row(number)))
     }
 
-    /// Mean of the grid's points: what is left of the mesh above the blend.
+    /// Mean of the grid's points: the remaining offset above the blend.
     pub fn mean_mm(&self) -> f64 {
         let points = self.heights_mm.iter().flatten();
         let (sum, count) = points.fold((0.0, 0u32), |(sum, count), h| (sum + h, count + 1));
@@ -49,8 +49,8 @@ impl BedMesh {
         (mean - low).max(high - mean)
     }
 
-    /// What a tip of the plan is moved by in Z, mm: the bed's height below `fade_start_mm`, the mean from
-    /// `fade_height_mm` on, between them what lies between.
+    /// Offset of the plan's tip in Z, mm: the bed's height below `fade_start_mm`, the mean from
+    /// `fade_height_mm` on, interpolated between them.
     pub fn shift_mm(&self, [x_mm, y_mm, z_mm]: [f64; 3]) -> f64 {
         let mean = self.mean_mm();
         let left = self.fade_height_mm - z_mm;

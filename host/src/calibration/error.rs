@@ -2,7 +2,7 @@
 
 use crate::settings::SettingsError;
 
-/// The option or the machine, and what to do.
+/// The option or the machine, with a remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
     /// Goes with another pattern.
@@ -13,7 +13,7 @@ pub enum CalibrationError {
         /// The pattern.
         pattern: &'static str,
     },
-    /// Too few lines to compare, or too many to lay.
+    /// Too few lines to compare, or too many to print.
     #[error("--lines {lines}: write a number from 3 to {lines_max}")]
     Lines {
         /// What was asked for.
@@ -21,7 +21,7 @@ pub enum CalibrationError {
         /// Most there may be.
         lines_max: u32,
     },
-    /// A number that is none of its kind.
+    /// An invalid number.
     #[error("{option} {value}: write a number from {low} to {high}")]
     Range {
         /// As the command spells it.
@@ -33,7 +33,7 @@ pub enum CalibrationError {
         /// Most.
         high: f64,
     },
-    /// Stepped values that do not rise, or are none of their kind.
+    /// Stepped values that do not increase, or are invalid.
     #[error("values from {from} to {to}: write --from below --to, both from {low} to {high}")]
     Values {
         /// First.
@@ -118,7 +118,7 @@ pub enum CalibrationError {
         /// The key.
         key: &'static str,
     },
-    /// A machine with the stepped value is none.
+    /// A machine with the stepped value is invalid.
     #[error("with the value {value}: {error}")]
     Machine {
         /// The value.

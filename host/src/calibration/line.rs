@@ -12,9 +12,9 @@ use nalgebra::{Point3, Unit, Vector3};
 pub struct Line {
     /// What it is, in a few words.
     pub what: String,
-    /// The value it stands for, in the pattern's unit; none of a mark.
+    /// Its value, in the pattern's unit; `None` for a mark.
     pub value: Option<f64>,
-    /// Which of the pattern's jobs lays it.
+    /// The pattern's job that prints it.
     pub job: usize,
     /// Its waypoints, pattern coordinates.
     pub points: Vec<Waypoint>,
@@ -88,7 +88,7 @@ impl Line {
         [end(self.points.first()), end(self.points.last())]
     }
 
-    /// Its heading, where it is one.
+    /// Its heading, if it has only one.
     pub fn heading_deg(&self) -> Option<f64> {
         self.points.first()?.heading_rad.map(f64::to_degrees)
     }

@@ -25,7 +25,7 @@ use crate::settings::Settings;
 /// Most lines that step a value: more are not told apart on a bed.
 const LINES_MAX: u32 = 41;
 
-/// Which number is looked for.
+/// The value to find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PatternKind {
     /// Steps of X, Y, Z and the extruder.
@@ -38,9 +38,9 @@ pub enum PatternKind {
     Pivot,
     /// Pressure advance.
     Advance,
-    /// Volume that is pushed before a pass.
+    /// Volume of the prime before a pass.
     Prime,
-    /// Volume that is pulled back after a pass.
+    /// Volume of the retract after a pass.
     Retract,
     /// Frequency and damping of the frame.
     Ringing,
@@ -62,7 +62,7 @@ impl PatternKind {
     }
 }
 
-/// What may be asked of a pattern; `None` is its own choice.
+/// Options of a pattern; `None` is its default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Asked {
     /// Length of the lines, or between marks, mm.
@@ -81,7 +81,7 @@ pub struct Asked {
     pub at_mm: Option<[f64; 3]>,
 }
 
-/// A pattern: what is laid, and how it is read.
+/// A pattern: its lines, and how it is read.
 #[derive(Clone, Debug)]
 pub struct Pattern {
     /// Which.
@@ -92,7 +92,7 @@ pub struct Pattern {
     pub at_mm: [f64; 3],
     /// The lines, as they are printed.
     pub lines: Vec<Line>,
-    /// The jobs, in order; several where the machine differs from one to the next.
+    /// The jobs, in order; several if the machine differs between them.
     pub jobs: Vec<PatternJob>,
     /// How it is read, a sentence or two each.
     pub reading: Vec<String>,
@@ -124,7 +124,8 @@ struct Drawn {
 /// Draws a pattern for a machine.
 ///
 /// # Errors
-/// [`CalibrationError`]: an option that makes no sense, or a machine that the pattern tells nothing of.
+/// [`CalibrationError`]: an option that makes no sense, or a machine for which the pattern has no
+/// meaning.
 pub fn pattern(
     kind: PatternKind,
     asked: &Asked,

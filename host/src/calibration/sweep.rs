@@ -15,7 +15,7 @@ use headway_protocol::segment::{Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, CHANNELS, Units, to_units};
 use std::f64::consts::TAU;
 
-/// Rise, Hz a second: at a damping of 0.05 a frame at 40 Hz rings up in 0.1 s.
+/// Rise, Hz per second: at a damping of 0.05 a frame at 40 Hz rings up in 0.1 s.
 pub const RISE_HZ_S: f64 = 1.0;
 /// Usual first and last frequency, Hz: frames of printers ring at 20 to 80.
 const USUAL_HZ: [f64; 2] = [10.0, 100.0];
@@ -53,14 +53,14 @@ pub struct Shaken {
     pub amplitude_mm: f64,
 }
 
-/// The whole motion.
+/// The complete motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
     /// Its stream.
     pub stream: SegmentStream,
     /// X, then Y.
     pub shaken: Vec<Shaken>,
-    /// Where the tip stands before and after, machine coordinates, mm.
+    /// Position of the tip before and after, machine coordinates, mm.
     pub at_mm: [f64; 3],
 }
 

@@ -8,10 +8,10 @@ pub enum CliError {
     /// The options make no sense (exit status 2).
     #[error("{0}\n  see headway --help")]
     Usage(String),
-    /// The job cannot be done as asked (exit status 1).
+    /// The job cannot be done as requested (exit status 1).
     #[error("{0}")]
     Job(String),
-    /// A joint would leave its range (exit status 1); `--allow range` takes it.
+    /// A joint would leave its range (exit status 1); `--allow range` permits it.
     #[error("{input}: {place} (--allow range takes it as it is)")]
     OutsideRange {
         /// Input that is planned.
@@ -29,7 +29,7 @@ pub enum CliError {
         /// What the system says.
         problem: std::io::Error,
     },
-    /// The reader of our output has gone: not an error worth a message.
+    /// The reader of the output has closed it: no message is needed.
     #[error("the output was closed")]
     OutputClosed,
 }

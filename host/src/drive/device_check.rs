@@ -35,7 +35,7 @@ pub enum Refusal {
     /// The pose that the job begins with.
     #[error("the job begins outside the range of a joint")]
     Start,
-    /// A fault on the way.
+    /// A fault during the job.
     #[error("{0}")]
     Fault(Fault),
     /// It rests for ever.
@@ -46,7 +46,7 @@ pub enum Refusal {
 /// A refusal and its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refused {
-    /// What the board would say.
+    /// The board's refusal.
     pub refusal: Refusal,
     /// When, s of the job.
     pub time_s: f64,
@@ -54,7 +54,7 @@ pub struct Refused {
     pub at_mm: [f64; 3],
 }
 
-/// The checks of a job that comes in pieces.
+/// The checks of a job that is given in parts.
 #[derive(Debug, Default)]
 pub struct DeviceCheck {
     board: Option<Board>,
@@ -79,7 +79,8 @@ struct Board {
 }
 
 impl DeviceCheck {
-    /// Runs the next piece, which begins where the last one ended; `machine` is that of the whole job.
+    /// Runs the next part, which begins at the end of the last one; `machine` is that of the complete
+    /// job.
     pub fn add(&mut self, piece: &SegmentStream, machine: &MachineConfiguration) {
         if self.refused.is_some() || piece.knots.is_empty() {
             return;

@@ -26,7 +26,7 @@ pub enum DryRunError {
     Simulator(#[from] SimulatorError),
 }
 
-/// What came out.
+/// The result.
 #[derive(Clone, Debug)]
 pub struct DryRun {
     /// Steps, counters, the fault if there was one.
@@ -41,8 +41,8 @@ pub struct DryRun {
     pub realtime_factor: f64,
 }
 
-/// Streams the job to the firmware library over the simulated link and checks what came out.
-/// `progress` is called now and then with the share done.
+/// Streams the job to the firmware library over the simulated link and checks the result.
+/// `progress` is called from time to time with the finished share.
 ///
 /// # Errors
 /// [`DryRunError`]; a latched fault is not one, it is in the result.

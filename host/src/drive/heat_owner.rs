@@ -6,7 +6,7 @@
 
 use headway_protocol::message::{Control, HEATERS_MAX};
 
-/// Heaters and fan of one host, and its leave to extrude cold.
+/// Heaters and fan of one host, and its permission to extrude cold.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct HeatOwner {
     /// Targets ordered last, tenths of a degree; 0 is not ours.
@@ -50,9 +50,9 @@ impl HeatOwner {
         }
     }
 
-    /// The board has taken a command: what it switched off is ours no longer, unless an order after it, which is
-    /// still on its way, may switch it on again. Commands are taken in the order in which they are given; one
-    /// that is refused stays given: what is owned without need is switched off once more at the end.
+    /// The board has accepted a command: the host no longer owns what it switched off, unless a later command,
+    /// still in transit, may switch it on again. Commands are accepted in the order in which they are sent; a
+    /// refused one still counts as sent: anything owned without need is switched off once more at the end.
     pub fn taken(&mut self, control: &Control) {
         let Some(place) = place_of(control) else {
             return;
@@ -73,7 +73,7 @@ impl HeatOwner {
         }
     }
 
-    /// A new conversation begins: of what was given in the last one no more will be taken.
+    /// A new conversation begins: no more commands of the last one will be accepted.
     pub fn begin(&mut self) {
         self.given = [0; HEATERS_MAX + 2];
     }
@@ -84,7 +84,7 @@ impl HeatOwner {
         }
     }
 
-    /// The target that was ordered last, tenths of a degree; 0 where none was.
+    /// The last commanded target, tenths of a degree; 0 if there is none.
     pub fn target_decidegrees(&self, heater: usize) -> u16 {
         self.targets_decidegrees.get(heater).copied().unwrap_or(0)
     }
@@ -94,7 +94,7 @@ impl HeatOwner {
         self.all_off().is_empty()
     }
 
-    /// What switches off all of it.
+    /// The commands that switch off everything.
     pub fn all_off(&self) -> Vec<Control> {
         let heaters = (0..).zip(&self.targets_decidegrees);
         let on = heaters.filter(|(_, target)| **target > 0);

@@ -9,7 +9,7 @@ use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::winding::Winding;
 use headway_protocol::units::CHANNELS;
 
-/// Where the joints were at the last look.
+/// The joints at the last sample.
 #[derive(Clone, Debug)]
 pub struct JointTrack {
     kinematics: Kinematics,
@@ -18,7 +18,7 @@ pub struct JointTrack {
 }
 
 impl JointTrack {
-    /// Before the first look.
+    /// Before the first sample.
     pub fn new(machine: &MachineConfiguration) -> Self {
         Self {
             kinematics: machine.kinematics,
@@ -27,8 +27,8 @@ impl JointTrack {
         }
     }
 
-    /// Joints at these channels; `None` where the pose has none. Looks must be so near to each other that
-    /// no joint turns by half a turn.
+    /// Joints at these channels; `None` if the pose has none. Samples must be so close that no joint
+    /// turns by half a turn.
     pub fn joints(&mut self, channels: &[f64; CHANNELS]) -> Option<[f64; JOINTS_MAX]> {
         let joints = inverse(&self.kinematics, &Pose::from_channels(channels)).ok()?;
         let mut position = joints.position;

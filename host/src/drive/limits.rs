@@ -29,7 +29,7 @@ const DIFFERENCE_S: f64 = 2e-4;
 /// Looks per servo tick: for what has its extremes between ticks and is not a channel itself (the
 /// tip's speed, joints of machines that tilt, primes).
 const LOOKS_PER_TICK: u32 = 2;
-/// A ratio and where it is reached.
+/// A ratio and its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Peak {
     /// Value over `plan_share` of its limit.
@@ -40,7 +40,7 @@ pub struct Peak {
     pub time_s: f64,
 }
 
-/// The limits that are looked at.
+/// The limits that are checked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Limit {
     /// Nothing moves.
@@ -54,7 +54,7 @@ pub enum Limit {
     Flow,
     /// The extruder's, with pressure advance, prime and retract.
     Extruder,
-    /// Of the motor at this joint's place, which two joints move together.
+    /// Of the motor of this joint's number, which two joints move together.
     Motor(usize),
 }
 
@@ -77,15 +77,15 @@ pub struct LimitFigures {
 const SPANS_AT_ONCE: usize = 256;
 const SPANS_HELD: usize = 64 * SPANS_AT_ONCE;
 
-/// Looks at the whole stream.
+/// Samples the complete stream.
 pub fn sample(stream: &SegmentStream, settings: &Settings) -> LimitFigures {
     let mut tally = LimitTally::default();
     tally.add(stream, settings);
     tally.figures
 }
 
-/// Looks at a stream piece by piece: what the pressure advance and the events of a piece still do in the
-/// next one counts there.
+/// Samples a stream part by part: the effect of pressure advance and events of one part on the next one
+/// counts there.
 #[derive(Clone, Debug, Default)]
 pub struct LimitTally {
     /// What was found so far.
@@ -99,7 +99,7 @@ pub struct LimitTally {
 }
 
 impl LimitTally {
-    /// Looks at the next piece, which begins where the last one ended, at rest.
+    /// Samples the next part, which begins at the end of the last one, at rest.
     pub fn add(&mut self, piece: &SegmentStream, settings: &Settings) {
         let from = self.ticks;
         let whole = || {

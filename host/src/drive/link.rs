@@ -13,7 +13,7 @@ use thiserror::Error;
 /// Bits on the line per byte: start, eight, stop.
 const BITS_PER_BYTE: u64 = 10;
 
-/// A period during which the line does not carry.
+/// A period during which the line does not transmit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outage {
     /// When it begins.
@@ -39,13 +39,13 @@ pub struct LinkSpec {
     pub drop_per_frame: f64,
     /// Probability that one bit of a byte is flipped.
     pub flip_per_byte: f64,
-    /// Probability that a frame comes twice.
+    /// Probability that a frame is duplicated.
     pub dup_per_frame: f64,
-    /// Probability that a frame comes after the next one.
+    /// Probability that a frame arrives after the next one.
     pub reorder_per_frame: f64,
     /// Probability that a frame is cut short.
     pub truncate_per_frame: f64,
-    /// How long a byte is under way.
+    /// Transmission delay of a byte.
     pub delay_us: u64,
     /// Periods during which bytes wait.
     pub stalls: Vec<Outage>,
@@ -106,7 +106,7 @@ pub enum LinkSpecError {
         /// What was given.
         value: String,
     },
-    /// Not a line rate.
+    /// An invalid line rate.
     #[error("link: baud={0}: a whole number from 1200 to 100000000")]
     Baud(String),
 }

@@ -34,7 +34,7 @@ const TAIL_US: u64 = 120_000_000;
 /// Longest log that is replayed, us: four weeks.
 const TIME_MAX_US: u64 = 28 * 86_400 * 1_000_000;
 
-/// Which way bytes went.
+/// Direction of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// Host to board.
@@ -93,7 +93,7 @@ impl LinkLog {
         self.problem.as_ref()
     }
 
-    /// Says more of the conversation, in a line that a replay leaves out.
+    /// Writes a remark on the conversation, in a line that a replay ignores.
     pub fn remark(&mut self, what: &str) {
         self.line(&format!("# {}", what.replace(['\n', '\r'], " ")));
     }
@@ -103,7 +103,7 @@ impl LinkLog {
         self.line(&format!("{now_us} ! {}", what.replace(['\n', '\r'], " ")));
     }
 
-    /// Writes what is buffered.
+    /// Writes the buffer.
     ///
     /// # Errors
     /// The first one since the log began.
@@ -200,7 +200,7 @@ pub enum LogError {
         "this log could not be written (a full disk?) when its stream began, and says nothing of how far that went"
     )]
     Unwritten,
-    /// The machine is not said.
+    /// The machine is missing.
     #[error("the log does not say which machine it is of; give its machine file (--machine)")]
     NoMachine,
     /// The firmware refuses the machine.
@@ -282,10 +282,10 @@ pub(super) fn entry(text: &str) -> Result<Entry, &'static str> {
     Ok(Entry::Bytes { at_us, way, bytes })
 }
 
-/// What a replay leaves behind.
+/// Result of a replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
-    /// Messages of the host that arrived whole.
+    /// Complete messages of the host.
     pub messages: u64,
     /// Frames that did not.
     pub damaged: u64,

@@ -21,7 +21,7 @@ pub const UNWRITTEN: &str = "# the log could not be written any further, the str
 const REST: &str = "# rest of job ";
 const FROM_PASS: &str = " from pass ";
 
-/// The remark for the log of what was left of a job.
+/// The remark for the log of a resumed job.
 pub fn rest_remark(job: u32, pass: u32) -> String {
     format!("rest of job {job:08x}{FROM_PASS}{pass}")
 }
@@ -31,7 +31,7 @@ fn from_rest_remark(text: &str) -> Option<(u32, u32)> {
     Some((u32::from_str_radix(job, 16).ok()?, pass.parse().ok()?))
 }
 
-/// Reads how far the last stream of a log had come.
+/// Reads the progress of the last stream in a log.
 ///
 /// # Errors
 /// [`LogError`]: no log, no stream in it, damage with the line.

@@ -18,13 +18,13 @@ pub const ANSWER_US: u64 = 10 * S;
 pub const COMMAND_US: u64 = 20 * S;
 /// A span that should end, besides its own length.
 pub const PROGRESS_US: u64 = 10 * S;
-/// A state that does not belong to our stream: longer than a report under way.
+/// A state that does not belong to our stream: longer than a report in transit.
 pub const GONE_US: u64 = 3 * S;
 /// Rest after an abort: a ramp, and a servo interval.
 pub const REST_US: u64 = 60 * S;
-/// A cable that comes back: somebody walks to the machine.
+/// A cable that is plugged in again: somebody has to walk to the machine.
 pub const LINE_US: u64 = 600 * S;
-/// A pause: somebody looks at the print in the morning.
+/// A pause: somebody checks the print in the morning.
 pub const PAUSE_US: u64 = 12 * 3600 * S;
 /// Slowest feed override, per cent: spans last so much longer.
 const OVERRIDE_PERCENT_MIN: u64 = 1;
@@ -36,9 +36,9 @@ pub enum Wait {
     Welcome,
     /// The stream's opening.
     Opening,
-    /// A command that is taken.
+    /// A command to be accepted.
     Command,
-    /// A frame that is taken or a span that is done.
+    /// A frame to be accepted or a span to be finished.
     Progress,
     /// The end, when all spans are done.
     End,
@@ -55,13 +55,13 @@ pub enum Wait {
 /// A wait that is over.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Overdue {
-    /// For what.
+    /// The wait that timed out.
     pub wait: Wait,
     /// How long, s.
     pub waited_s: u64,
     /// Spans done and all of them.
     pub spans: (u32, u32),
-    /// What the board said last.
+    /// The board's last report.
     pub said: String,
 }
 
@@ -137,7 +137,7 @@ pub struct Patience {
 }
 
 impl Patience {
-    /// For a stream on a servo of so many ticks a second.
+    /// For a stream on a servo with this tick rate.
     pub fn new(stream: &SegmentStream, servo_hz: u32) -> Patience {
         let us = |ticks: u64| ticks * S / u64::from(servo_hz.max(1));
         let spans = stream
@@ -203,7 +203,7 @@ impl Patience {
         }
     }
 
-    /// Looks at the clock. To be called often; `line_open`: bytes can come.
+    /// Checks the time limits. To be called often; `line_open`: bytes can arrive.
     pub fn look(&mut self, now_us: u64, sender: &Sender, line_open: bool) -> Option<Overdue> {
         if let late @ Some(_) = self.look_at_line(now_us, sender, line_open) {
             return late;

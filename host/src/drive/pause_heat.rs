@@ -9,16 +9,16 @@
 use crate::drive::heat_owner::{HeatOwner, off};
 use headway_protocol::message::{Control, DeviceState, HEATERS_MAX, Status};
 
-/// How long a pause keeps its heat where nobody says otherwise, min.
+/// Default time for which a pause keeps heaters on, min.
 pub const PAUSE_HEAT_MAX_MIN: f64 = 120.0;
 const US_PER_MIN: f64 = 60e6;
 
 /// What a pause does to the heaters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PauseNews {
-    /// It has begun, and something stays hot: heater and target, tenths of a degree.
+    /// It has begun, and heaters stay on: heater and target, tenths of a degree.
     Keeps(Vec<(usize, u16)>),
-    /// It has taken too long: the commands that switch off.
+    /// It is too long: the commands that switch off.
     Ends(Vec<Control>),
     /// Somebody else has resumed the job with its heaters off: the commands that make it wait for them.
     Again(Vec<Control>),
@@ -51,7 +51,7 @@ impl PauseHeat {
         self.most_us as f64 / US_PER_MIN
     }
 
-    /// A status has come.
+    /// Handles a status.
     pub fn look(&mut self, now_us: u64, status: &Status, owner: &HeatOwner) -> Option<PauseNews> {
         if status.state != DeviceState::Paused {
             self.since_us = None;
@@ -93,7 +93,7 @@ impl PauseHeat {
         Some(PauseNews::Ends(ends))
     }
 
-    /// Somebody orders a heater in a pause: that holds, for as long as a pause keeps heat from now on.
+    /// A heater command during a pause: it restarts the time for which a pause keeps heaters on.
     pub fn note(&mut self, now_us: u64, control: &Control) {
         let Control::Heat {
             heater,
@@ -111,7 +111,8 @@ impl PauseHeat {
         }
     }
 
-    /// The job is to go on: what was switched off is to be heated before, and waited for.
+    /// The job is to continue: the heaters that were switched off have to be heated before, and
+    /// waited for.
     pub fn take_resume(&mut self) -> Vec<Control> {
         let cut = std::mem::take(&mut self.cut_decidegrees);
         let again = |(heater, decidegrees): (u8, u16)| Control::Heat {

@@ -15,12 +15,12 @@ const REOPEN: Duration = Duration::from_millis(250);
 /// Frames sent before bytes are read again.
 const FRAMES_PER_TURN: usize = 16;
 
-/// What happened to the line in a turn.
+/// Event of the line in a turn.
 #[derive(Debug)]
 pub enum LineEvent {
     /// The port is open.
     Opened,
-    /// The line is gone.
+    /// The line is lost.
     Lost(io::Error),
 }
 
@@ -54,7 +54,7 @@ impl std::fmt::Debug for OpenLine {
 }
 
 impl Pump {
-    /// Opens the port, which must be there at the start.
+    /// Opens the port, which must exist at the start.
     ///
     /// # Errors
     /// What the system says.
@@ -87,7 +87,7 @@ impl Pump {
         self.transport.is_some()
     }
 
-    /// Sends what there is to say, takes what has come.
+    /// Sends pending frames, receives bytes.
     pub fn turn(&mut self, sender: &mut Sender) -> Option<LineEvent> {
         let opened = self.reopen();
         let result = self.exchange(sender);

@@ -135,7 +135,7 @@ pub struct MotionRecord {
     pub steps: StepLog,
     /// Step counts when the log began.
     pub start_counts: [i64; MOTORS_MAX],
-    /// Servo tick (since start-up) at which the segment time began to run: there it was 0.
+    /// Servo tick (since start-up) at which the segment time began to run, with the value 0.
     pub first_servo_tick: u64,
     /// Segment time passed in each servo tick since then, in 2^-16 ticks: 65536 at the planned
     /// rate.

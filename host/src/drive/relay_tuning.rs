@@ -60,7 +60,7 @@ impl RelayTuning {
         }
     }
 
-    /// A reading: whether full power is due, and what was found once it is.
+    /// Handles a reading: whether full power is due, and the result once it is known.
     pub fn look(&mut self, now_s: f64, celsius: f64) -> (bool, Option<Tuned>) {
         if self.on && self.begun_s.len() > 1 {
             self.on_s += now_s - self.last_s;

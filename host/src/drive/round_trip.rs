@@ -2,7 +2,7 @@
 
 /// First guess: a slow line with a full window.
 const START_US: u64 = 100_000;
-/// Shortest wait before a repeat: below it a busy controller would be asked twice.
+/// Shortest wait before a repeat: below it a busy controller would get a query twice.
 pub const RETRY_MIN_US: u64 = 10_000;
 /// Longest wait between repeats on a silent line: how soon a returned cable is noticed.
 pub const RETRY_MAX_US: u64 = 500_000;

@@ -90,7 +90,7 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// A sender for `frames`; nothing is said before the first poll.
+    /// A sender for `frames`; nothing is sent before the first poll.
     pub fn new(frames: WireFrames, setup: SenderSetup) -> Self {
         let intent = if setup.resume {
             Intent::ResumeOrStream
@@ -100,7 +100,7 @@ impl Sender {
         Self::with_intent(frames, setup, intent)
     }
 
-    /// A sender that goes on with a stream which the controller has in part, or fails.
+    /// A sender that continues a stream of which the controller has a part, or fails.
     pub fn resuming(frames: WireFrames, setup: SenderSetup) -> Self {
         Self::with_intent(frames, setup, Intent::ResumeOnly)
     }
@@ -165,7 +165,7 @@ impl Sender {
         &self.frames
     }
 
-    /// What the sender was told at the start.
+    /// The sender's setup.
     pub fn setup(&self) -> &SenderSetup {
         &self.setup
     }
@@ -175,12 +175,12 @@ impl Sender {
         &self.figures
     }
 
-    /// Stream frames taken by the controller, and all of them.
+    /// Stream frames accepted by the controller, and their total.
     pub fn progress_frames(&self) -> (usize, usize) {
         (self.acknowledged, self.frames.len())
     }
 
-    /// When a message of the controller last came.
+    /// Time of the controller's last message.
     pub fn heard_us(&self) -> u64 {
         self.heard_us
     }
@@ -190,25 +190,25 @@ impl Sender {
         self.last_status.as_ref()
     }
 
-    /// What the controller said last, for a reader.
+    /// The controller's last message, as text.
     pub fn said_last(&self) -> String {
         said(self.last_message.as_ref(), self.unreadable)
     }
 
-    /// The command that waits to be taken, by its sequence number.
+    /// The command that waits to be accepted, by its sequence number.
     pub fn waits_for_command(&self) -> Option<u16> {
         let outstanding = self.outstanding?;
         let is_command = matches!(outstanding.what, ControlMessage::Command(_));
         (is_command && outstanding.tries > 0).then_some(outstanding.sequence)
     }
 
-    /// True while a command waits to be said or taken.
+    /// True while a command waits to be sent or accepted.
     pub fn has_command(&self) -> bool {
         let under_way = self.outstanding.map(|outstanding| outstanding.what);
         !self.commands.is_empty() || matches!(under_way, Some(ControlMessage::Command(_)))
     }
 
-    /// True if every frame of the stream was taken.
+    /// True if every frame of the stream was accepted.
     pub fn is_all_taken(&self) -> bool {
         self.acknowledged == self.frames.len()
     }
@@ -218,7 +218,7 @@ impl Sender {
         self.round_trip.estimate_us()
     }
 
-    /// Queues a command. An emergency stop goes at once and drops all others.
+    /// Queues a command. An emergency stop is sent at once and drops all others.
     pub fn command(&mut self, control: Control) {
         if control == Control::EmergencyStop {
             self.commands.clear();
@@ -253,13 +253,13 @@ impl Sender {
         }
     }
 
-    /// The next piece of news.
+    /// The next event.
     pub fn poll_event(&mut self) -> Option<SenderEvent> {
         self.events.pop_front()
     }
 
     /// Writes the next frame for the line into `out` and returns its length; `None` when there is
-    /// nothing to say now.
+    /// nothing to send now.
     pub fn poll_transmit(&mut self, now_us: u64, out: &mut [u8; FRAME_BYTES_MAX]) -> Option<usize> {
         self.choose_control(now_us);
         let length = match self.transmit_control(now_us, out) {

@@ -6,7 +6,7 @@ use headway_protocol::message::{
 };
 use thiserror::Error;
 
-/// What the sender is told at the start.
+/// The sender's setup.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SenderSetup {
     /// Differs for every run of the host.
@@ -17,7 +17,7 @@ pub struct SenderSetup {
     pub solution: u8,
     /// Servo rate that the job was planned for.
     pub servo_hz: u32,
-    /// Go on with this job if the controller already has part of it.
+    /// Continue this job if the controller already has part of it.
     pub resume: bool,
 }
 
@@ -32,9 +32,9 @@ pub enum SenderState {
     Streaming,
     /// Connected for commands only.
     Talking,
-    /// Everything was taken; the machine runs to the end.
+    /// Everything was accepted; the machine runs to the end.
     Finishing,
-    /// The controller has taken an abort: it comes to rest and forgets the stream.
+    /// The controller has accepted an abort: it comes to rest and drops the stream.
     Aborted,
     /// The machine has reached the end.
     Done,
@@ -119,7 +119,7 @@ pub enum SenderError {
     /// It latched a fault.
     #[error("the controller latched a fault: {0}")]
     Fault(Fault),
-    /// Its queue cannot hold what runs ahead.
+    /// Its queue is too small for the required look-ahead.
     #[error("the controller's queues ({knots} knots, {events} events) are too small for streaming")]
     QueueTooSmall {
         /// Knots.
@@ -140,7 +140,7 @@ pub enum SenderEvent {
     Fault(Fault),
     /// A command was refused.
     Refused(Refusal),
-    /// A command was taken.
+    /// A command was accepted.
     Taken(Control),
 }
 
@@ -189,7 +189,7 @@ pub(super) enum ControlMessage {
 pub(super) enum Intent {
     /// Stream the job from its first frame.
     Stream,
-    /// Go on with the job where the controller has part of it, else from its first frame.
+    /// Continue the job if the controller has part of it, otherwise start from its first frame.
     ResumeOrStream,
     /// Go on with the job, or fail.
     ResumeOnly,
@@ -198,7 +198,7 @@ pub(super) enum Intent {
 }
 
 impl SenderSetup {
-    /// What a job's header says of the machine that it was planned for.
+    /// From a job's header, for the machine that it was planned for.
     pub fn of_job(header: &JobHeader, host_session: u32, resume: bool) -> SenderSetup {
         SenderSetup {
             host_session,

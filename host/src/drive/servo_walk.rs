@@ -121,7 +121,7 @@ impl Interval<'_> {
     }
 }
 
-/// The walk over a whole record.
+/// The walk over a complete record.
 pub struct ServoWalk<'a, I: Iterator<Item = Step>> {
     samples: ShapedPlan<'a>,
     window: [PlanSample; 4],

@@ -35,14 +35,14 @@ const TAIL_TICKS: usize = 16 + ADVANCE_WINDOW_TICKS_MAX;
 /// do not count.
 const STUCK_S: f64 = 60.0;
 
-/// What the simulation is told.
+/// Setup of the simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SimulatorSetup {
     /// Faults of the line.
     pub link: LinkSpec,
     /// Fixes every random choice.
     pub seed: u64,
-    /// Commands to give, with their time since start-up in us, in order of time.
+    /// Commands to send, with their time since start-up in us, in order of time.
     pub commands: Vec<(u64, Control)>,
 }
 
@@ -80,7 +80,7 @@ pub struct SimulationFigures {
     pub resent_frames: u64,
     /// How often the queue's end made the head slow down.
     pub underruns: u64,
-    /// How often the head came to rest in the middle of a move.
+    /// Number of times that the head came to rest in the middle of a move.
     pub holds: u64,
     /// Faults latched.
     pub faults: u64,
@@ -88,7 +88,7 @@ pub struct SimulationFigures {
     pub motion_s: f64,
 }
 
-/// Everything that a run leaves behind.
+/// Complete result of a simulation.
 #[derive(Clone, Debug)]
 pub struct Simulation {
     /// Steps and progress.
@@ -209,7 +209,7 @@ impl Simulator {
         })
     }
 
-    /// The host dies, and after a while a new one goes on with the same job.
+    /// The host dies, and after a while a new one continues the same job.
     pub fn restart_host(&mut self, dead_us: u64) {
         self.starts += 1;
         self.host_dead_until_us = self.now_us() + dead_us;
@@ -225,7 +225,7 @@ impl Simulator {
         self.sender = Sender::new(self.sender.frames().clone(), setup);
     }
 
-    /// The controller dies and starts anew, without memory.
+    /// The controller dies and restarts, without memory.
     ///
     /// # Errors
     /// [`SimulatorError::Configuration`].

@@ -4,7 +4,7 @@ use crate::job::{MotionState, SegmentStream};
 use headway_protocol::message::Status;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Z};
 
-/// What is told of a job's stretch at a time.
+/// Progress of a job at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// Share of the job's time that is done, 0..=1.
@@ -21,7 +21,7 @@ pub struct Progress {
     pub tip_mm_s: f64,
 }
 
-/// A job's times and speeds, ready to be asked.
+/// A job's times and speeds, for queries.
 #[derive(Clone, Debug)]
 pub struct Timeline {
     /// End of each span, servo ticks.
@@ -61,12 +61,12 @@ impl Timeline {
         self.marks.last().map_or(1, |mark| mark.layer + 1)
     }
 
-    /// The whole job's time at the planned rate.
+    /// The complete job's time at the planned rate.
     pub fn duration_s(&self) -> f64 {
         self.ends.last().map_or(0.0, |&end| end as f64) / self.servo_hz
     }
 
-    /// The servo tick up to which a machine with this status is done, whole spans.
+    /// The servo tick up to which a machine with this status is done, in complete spans.
     pub fn done_tick(&self, status: &Status) -> u64 {
         let Some(last) = (status.spans_done as usize).checked_sub(1) else {
             return 0;

@@ -35,7 +35,7 @@ pub struct SyncedFile {
 }
 
 impl SyncedFile {
-    /// Creates the file, and its name in the folder, on the disk. `last_words` are the line (without its end) with
+    /// Creates the file, and its name in the folder, on the disk. `last_words` is the line (without its end) with
     /// which it ends if it cannot be written any further.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use headway_protocol::units::{Ticks, to_units};
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
-/// A file that the test can look into.
+/// A file that the test can read.
 #[derive(Clone, Default)]
 pub struct SharedBytes(pub Arc<Mutex<Vec<u8>>>);
 
@@ -26,8 +26,8 @@ pub fn planar() -> MachineConfiguration {
     Settings::default().machine
 }
 
-/// A spiral with turning heading and flow, `turns` long, from rest to rest; about 60 mm/s.
-/// One prime before and one retract behind it.
+/// A spiral with turning heading and flow, `turns` long, from rest to rest; about 60 mm/s. One
+/// prime before and one retract after it.
 pub fn spiral(turns: f64) -> SegmentStream {
     let pose = |angle: f64| {
         let radius_mm = 10.0 + 0.3 * angle;

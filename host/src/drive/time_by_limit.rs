@@ -22,23 +22,23 @@ const LOOKS_A_SPAN: u16 = 512;
 /// How many places are told.
 const PLACES: usize = 5;
 
-/// A stretch of about a millimetre of a pass that takes long.
+/// A slow stretch of about a millimetre of a pass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SlowPlace {
     /// Its first point, machine coordinates.
     pub at_mm: [f64; 3],
-    /// How long it takes.
+    /// Its duration.
     pub seconds: f64,
-    /// The limit that takes most of that.
+    /// The limit with the largest share of that.
     pub limit: String,
     /// Layer from 0.
     pub layer: u32,
 }
 
-/// The printing time by what binds.
+/// The printing time by limit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TimeByLimit {
-    /// Share of the printing time by the name of the limit, "none" among them.
+    /// Share of the printing time by the name of the limit, including "none".
     pub shares: BTreeMap<String, f64>,
     /// The slowest first.
     pub slow_places: Vec<SlowPlace>,
@@ -48,14 +48,14 @@ pub struct TimeByLimit {
 type Key = Option<(usize, usize)>;
 const DERIVATIVES: [&str; 3] = ["speed", "acceleration", "jerk"];
 
-/// Goes through the whole stream.
+/// Evaluates the complete stream.
 pub fn time_by_limit(stream: &SegmentStream, settings: &Settings) -> TimeByLimit {
     let mut tally = TimeTally::default();
     tally.add(stream, settings);
     tally.finish(settings)
 }
 
-/// Counts a stream piece by piece.
+/// Counts a stream part by part.
 #[derive(Default)]
 pub struct TimeTally {
     ticks: BTreeMap<Key, u64>,
@@ -63,7 +63,7 @@ pub struct TimeTally {
 }
 
 impl TimeTally {
-    /// Counts the next piece, which begins at rest.
+    /// Counts the next part, which begins at rest.
     pub fn add(&mut self, piece: &SegmentStream, settings: &Settings) {
         let servo_hz = f64::from(settings.machine.servo_hz);
         let mut marks = piece.marks.iter();
@@ -92,7 +92,7 @@ impl TimeTally {
         self.places.close();
     }
 
-    /// What all pieces came to.
+    /// The result of all parts.
     pub fn finish(self, settings: &Settings) -> TimeByLimit {
         let servo_hz = f64::from(settings.machine.servo_hz);
         let all: u64 = self.ticks.values().sum();
@@ -129,7 +129,7 @@ pub fn limit_names(settings: &Settings) -> Vec<String> {
         .collect()
 }
 
-/// The limit that is used most at so many ticks of a span, if one is reached.
+/// The limit with the highest use at a tick of a span, if one is reached.
 pub fn limit_at(span: &Span, t_ticks: f64, settings: &Settings) -> Option<usize> {
     let servo_hz = f64::from(settings.machine.servo_hz);
     let quantities = quantities(settings);

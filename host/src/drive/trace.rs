@@ -22,7 +22,8 @@ use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Joint speed from which step times are judged: at 1000 steps/s, 10⁻³ step of f32 rounding is 1 us.
+/// Joint speed from which step times are compared: at 1000 steps/s, 10⁻³ step of f32 rounding is 1
+/// us.
 pub const STEP_TIME_SPEED_MIN_STEPS_S: f64 = 1000.0;
 /// Servo ticks between two looks at the joints, to count their turns: 32 ms.
 const TURNS_EVERY_TICKS: usize = 64;
@@ -46,17 +47,17 @@ pub struct TraceFigures {
     pub step_time_error_us_max: f64,
     /// The same, root mean square.
     pub step_time_error_us_rms: f64,
-    /// What half a step of every joint can make at the tip, at worst.
+    /// Largest effect of half a step of every joint at the tip.
     pub half_step_um_max: f64,
-    /// What half a step of every joint can make in heading, at worst.
+    /// Largest effect of half a step of every joint on the heading.
     pub half_step_mrad_max: f64,
     /// Largest distance of the shaped path from the planned one, where joints are shaped; all the errors
     /// above are then those from the shaped plan.
     #[serde(default)]
     pub shaping_error_um_max: f64,
-    /// Counts that the last pose asks for: joints, then the extruder.
+    /// Counts of the last pose: joints, then the extruder.
     pub expected_counts: Vec<i64>,
-    /// Counts that the steps came to.
+    /// Counts reached by the steps.
     pub final_counts: Vec<i64>,
 }
 
@@ -105,7 +106,7 @@ fn counts_of_joints(
     counts
 }
 
-/// Step counts at rest on a pose with its deposited volume, primes and retracts left out.
+/// Step counts at rest on a pose with its deposited volume, without primes and retracts.
 pub fn counts_at(channels: &[f64; CHANNELS], machine: &MachineConfiguration) -> [i64; MOTORS_MAX] {
     let joints = JointTrack::new(machine).joints(channels);
     let mut counts = counts_of_joints(&joints.unwrap_or_default(), machine);
@@ -114,7 +115,7 @@ pub fn counts_at(channels: &[f64; CHANNELS], machine: &MachineConfiguration) -> 
     counts
 }
 
-/// Counts that the stream's last pose and volume ask for: joints in order, then the extruder.
+/// Counts of the stream's last pose and volume: joints in order, then the extruder.
 pub fn expected_counts(
     stream: &SegmentStream,
     machine: &MachineConfiguration,
@@ -308,7 +309,7 @@ fn turn_between(one_rad: f64, other_rad: f64) -> f64 {
     TAU * (turns - turns.round()).abs()
 }
 
-/// Pose of whole step counts.
+/// Pose of integer step counts.
 pub fn pose_of_counts(machine: &MachineConfiguration, counts: &[i64; MOTORS_MAX]) -> Pose<f64> {
     pose_of_steps(machine, &std::array::from_fn(|joint| counts[joint] as f64))
 }

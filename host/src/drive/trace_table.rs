@@ -149,8 +149,8 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Writes `t_us,motor,dir`, one line a step; time from the job's first segment at the controller's
-/// step ticks, dir 1 towards larger positions and -1 back.
+/// Writes `t_us,motor,dir`, one line per step; time from the job's first segment at the
+/// controller's step ticks, dir 1 towards larger positions and -1 back.
 ///
 /// # Errors
 /// Those of the writer.

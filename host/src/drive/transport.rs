@@ -19,7 +19,7 @@ const WAIT: Duration = Duration::from_millis(2);
 const WRITE_PATIENCE: Duration = Duration::from_secs(2);
 /// How long a connection may take.
 const CONNECT_PATIENCE: Duration = Duration::from_secs(2);
-/// Line rate of a serial port where none is given: what USB adapters and boards agree on.
+/// Default line rate of a serial port: common to USB adapters and boards.
 pub const BAUD_DEFAULT: u32 = 1_000_000;
 
 /// A line of bytes.
@@ -106,7 +106,7 @@ impl std::fmt::Display for Port {
 }
 
 impl Port {
-    /// Opens the line; `baud` counts for serial ports.
+    /// Opens the line; `baud` applies to serial ports.
     ///
     /// # Errors
     /// What the system says.
@@ -262,7 +262,7 @@ impl Listener {
         }
     }
 
-    /// Where it listens: of TCP port 0, the one that the system chose.
+    /// The port on which it listens: for TCP port 0, the one that the system chose.
     ///
     /// # Errors
     /// What the system says.
@@ -275,7 +275,7 @@ impl Listener {
     }
 
     /// A host that has connected since the last call. Its line waits neither for bytes nor for room
-    /// ([`Transport::send_some`]), so that no host holds the others up.
+    /// ([`Transport::send_some`]), so that no host blocks the others.
     ///
     /// # Errors
     /// What the system says.

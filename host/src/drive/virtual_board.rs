@@ -54,7 +54,7 @@ pub struct BoardSetup {
     pub session: u32,
     /// Virtual seconds per second.
     pub speed: f64,
-    /// Its heaters, cold at first; none of them and no fan where there are none.
+    /// Its heaters, cold at first; without any there is no fan either.
     pub heat: HeatConfiguration,
     /// What its probe trips at.
     pub bed: VirtualBed,
@@ -138,7 +138,7 @@ pub struct BoardFigures {
     pub steps: u64,
     /// Hash of the newest job's steps, 16 hex digits: that of the simulation, if the queue never ran dry.
     pub step_digest: String,
-    /// Step counts as the firmware has them: joints in order, then the extruder.
+    /// The firmware's step counts: joints in order, then the extruder.
     pub counts: Vec<i64>,
     /// How often the queue ran dry.
     pub underruns: u32,
@@ -204,7 +204,7 @@ impl Surroundings for Around<'_> {
     }
 }
 
-/// Writes a record of settings where it outlasts a restart; true if it is there.
+/// Writes a record of settings to a place that survives a restart; true if it succeeded.
 pub type SettingsWriter = Box<dyn FnMut(&[u8]) -> bool>;
 
 impl VirtualBoard {
@@ -230,7 +230,7 @@ impl VirtualBoard {
         })
     }
 
-    /// The board has a store: settings that come are kept with `store`, for its next start.
+    /// The board has a store: received settings are kept with `store`, for its next start.
     pub fn keep_settings(&mut self, store: SettingsWriter) {
         let machine = &self.setup.machine;
         self.machine.keep_settings(BoardLimits {
@@ -243,19 +243,19 @@ impl VirtualBoard {
         self.store = Some(store);
     }
 
-    /// The settings in force came from a record with this CRC.
+    /// The active settings came from a record with this CRC.
     pub fn settings_in_force(&mut self, hash: u32) {
         self.machine.settings_in_force(hash);
     }
 
-    /// Drivers that it speaks with: they are set up now, and looked after from here on.
+    /// Drivers with which it communicates: they are set up now, and served from here on.
     pub fn drive_with(&mut self, drivers: &DriversConfiguration, mut port: VirtualDrivers) {
         let mut service = DriverService::new(drivers, self.setup.machine.servo_hz);
         self.machine.set_up_drivers(&mut service, &mut port);
         self.drivers = Some((service, port));
     }
 
-    /// Serves until told to stop; `each` is called after every turn and may drop the line.
+    /// Serves until stopped; `each` is called after every turn and may drop the line.
     ///
     /// # Errors
     /// The listener's.

@@ -35,7 +35,7 @@ const READABLE: [u8; 7] = [0x00, GSTAT, IFCNT, IOIN, 0x6c, DRV_STATUS, 0x70];
 pub struct VirtualDriver {
     /// Set by two pins.
     pub address: u8,
-    /// Registers by number; what was never written is 0, IOIN has the version.
+    /// Registers by number; unwritten ones are 0, IOIN has the version.
     pub registers: BTreeMap<u8, u32>,
     taken: u8,
 }
@@ -52,7 +52,7 @@ impl VirtualDriver {
         driver
     }
 
-    /// As after a gap in its supply: all settings gone.
+    /// As after an interruption of its supply: all settings are lost.
     pub fn restart(&mut self) {
         self.registers.clear();
         self.taken = 0;
@@ -73,7 +73,8 @@ impl VirtualDriver {
         self.registers.get(&number).copied().unwrap_or(0)
     }
 
-    /// A whole datagram: its answer, if it has one. A wrong checksum is not answered.
+    /// Handles a complete datagram: returns its answer, if it has one. A wrong checksum is not
+    /// answered.
     pub fn take(&mut self, datagram: &[u8]) -> Option<[u8; 8]> {
         let (&crc, body) = datagram.split_last()?;
         let is_ours = body[0] & 0x0f == 0x05 && CRC.checksum(body) == crc;

@@ -24,7 +24,7 @@ const CONVERSIONS: u64 = 32;
 /// Halvings that find a conversion to more than its digits.
 const HALVINGS: u32 = 24;
 
-/// Heaters and what regulates them.
+/// Heaters and their regulators.
 #[derive(Clone, Debug)]
 pub struct VirtualHeaters {
     service: HeatService,
@@ -36,7 +36,7 @@ pub struct VirtualHeaters {
 }
 
 impl VirtualHeaters {
-    /// All cold; the machine is told which there are.
+    /// All cold; they are declared to the machine.
     pub fn new(
         machine: &mut Machine,
         configuration: &MachineConfiguration,
@@ -58,7 +58,7 @@ impl VirtualHeaters {
         self.turn(|service| machine.serve_heat(service, 0));
     }
 
-    /// The same where `serve` looks after the heat loop.
+    /// The same if `serve` runs the heat loop.
     pub fn turn(&mut self, serve: impl FnOnce(&mut HeatService) -> Option<Outputs>) {
         self.ticks += 1;
         if self.ticks.is_multiple_of(self.conversion_ticks) {

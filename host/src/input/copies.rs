@@ -20,7 +20,7 @@ const GAP_MM: f64 = 5.0;
 /// Gaps that are taken, mm.
 const GAPS_MM: [f64; 2] = [0.2, 1000.0];
 
-/// Why parts cannot lie so.
+/// Why parts cannot be placed so.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum CopiesError {
     /// No gap.
@@ -62,7 +62,7 @@ pub enum CopiesError {
     },
 }
 
-/// The gap between copies: what was asked, or what is usual.
+/// The gap between copies: the requested one, or the default.
 ///
 /// # Errors
 /// [`CopiesError::Gap`].
@@ -150,7 +150,7 @@ pub fn box_of(layers: &[&mut Vec<Region>]) -> Box2 {
     Box2::of(&corners)
 }
 
-/// Refuses parts that touch; `outlines` are all outlines of one of them.
+/// Refuses parts that touch; `outlines` are all outlines of one part.
 ///
 /// # Errors
 /// [`CopiesError::Touch`], the first pair.
@@ -191,7 +191,7 @@ pub fn check_apart<'a>(
     Ok(())
 }
 
-/// The outlines once at each offset.
+/// The outlines at each offset.
 pub fn copied(regions: &[Region], offsets: &[Vector2]) -> Vec<Region> {
     let at = |&offset: &Vector2| regions.iter().map(move |region| region.shifted(offset));
     offsets.iter().flat_map(at).collect()

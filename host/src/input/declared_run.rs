@@ -55,7 +55,7 @@ pub fn declared_run(program: GcodeProgram) -> WaypointRun {
     }
 }
 
-/// A run's feeds as speeds that are asked, and the settings with the print speed that they need: the fastest of
+/// A run's feeds as requested speeds, and the settings with the print speed that they need: the fastest of
 /// them, or `speed_max_mm_s`.
 pub fn at_feeds(
     run: &mut WaypointRun,

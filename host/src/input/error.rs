@@ -52,7 +52,7 @@ pub enum InputError {
         /// The file.
         path: String,
     },
-    /// The text is not what the format asks for.
+    /// The text does not follow the format.
     #[error("not a readable {format} file: {problem}")]
     Syntax {
         /// Format by name.
@@ -80,10 +80,10 @@ pub enum InputError {
         /// What the file has.
         key: String,
     },
-    /// A path where an outline is asked for.
+    /// A path where an outline is required.
     #[error("a waypoint file is a path and has no outline; give a polygon, GeoJSON or SVG file")]
     PathNotOutline,
-    /// A solid where an outline is asked for.
+    /// A solid where an outline is required.
     #[error("a mesh is a solid and has no outline; give a polygon, GeoJSON or SVG file")]
     MeshNotOutline,
     /// Not a closed mesh.
@@ -92,7 +92,7 @@ pub enum InputError {
     /// The G-code.
     #[error(transparent)]
     Gcode(#[from] GcodeError),
-    /// Turns of what is flat.
+    /// Rotation of a flat input.
     #[error("--rotate turns meshes: an outline lies in the layer's plane; turn it in the drawing")]
     NotTurned,
     /// Not a run of waypoints.
@@ -152,7 +152,7 @@ pub enum InputError {
         /// How many.
         distinct: usize,
     },
-    /// A ring whose points lie on a line.
+    /// A ring whose points are on a line.
     #[error("{ring} near {at} encloses no area (its points lie on a line): remove it")]
     NoArea {
         /// Which ring.
@@ -259,10 +259,10 @@ pub enum InputError {
         /// Those that there are.
         there: String,
     },
-    /// Layers of what has none.
+    /// Layers of an input that has none.
     #[error("--dxf-layer goes with DXF: no other format that is read has layers of a drawing")]
     NoLayers,
-    /// Nothing but what is not read.
+    /// Only contents that are not read.
     #[error("there is no filled shape in it: {left_out}")]
     NothingFilled {
         /// What there was, and what to do.

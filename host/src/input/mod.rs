@@ -44,7 +44,7 @@ use std::sync::Arc;
 pub const POINTS_MAX: usize = 1_000_000;
 /// Largest file that is read, bytes: [`POINTS_MAX`] points with 60 characters each.
 pub const BYTES_MAX: u64 = 64 * 1024 * 1024;
-/// The same of a mesh, bytes: binary STL of all triangles that are taken, 50 bytes each.
+/// The same for a mesh, bytes: binary STL of the maximum number of triangles, 50 bytes each.
 pub const MESH_BYTES_MAX: u64 = 50 * mesh::TRIANGLES_MAX as u64;
 
 /// One layer's outline, mm, in the input's own coordinates.
@@ -67,7 +67,7 @@ pub enum Format {
     Svg,
     /// Contours of an ASCII DXF drawing.
     Dxf,
-    /// A run of the tip, `x y z nx ny nz [heading_deg]` a line.
+    /// A run of the tip, `x y z nx ny nz [heading_deg]` on each line.
     Waypoints,
     /// A rational B-spline curve, `{"degree","control_points","weights","knots"}`.
     Nurbs,
@@ -95,7 +95,7 @@ pub enum Units {
 /// How to read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadOptions {
-    /// Unit of the coordinates, over what the file says.
+    /// Unit of the coordinates; overrides the file's.
     pub units: Option<Units>,
     /// Factor on all coordinates, after the unit.
     pub scale: f64,
@@ -105,7 +105,7 @@ pub struct ReadOptions {
     pub repair: bool,
     /// Turns about the file's x, then y, then z axis; of meshes only.
     pub rotate_rad: [f64; 3],
-    /// Diameter of the filament of G-code, over what the file says.
+    /// Diameter of the filament of G-code; overrides the file's.
     pub filament_mm: Option<f64>,
     /// Axes of the machine that G-code was written for, where they are declared.
     pub gcode_axes: Option<Arc<FileAxes>>,
@@ -115,12 +115,12 @@ pub struct ReadOptions {
     pub dxf_layers: Vec<String>,
 }
 
-/// A target and what the user should know about how it was read.
+/// A target and notes on how it was read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {
     /// The outline.
     pub target: Target,
-    /// One line each: turned rings, things left out, repairs.
+    /// One line each: reversed rings, ignored contents, repairs.
     pub notes: Vec<String>,
 }
 
@@ -214,7 +214,7 @@ impl Format {
     }
 }
 
-/// What an input holds.
+/// Contents of an input.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Input {
     /// Regions to be filled.
@@ -227,7 +227,7 @@ pub enum Input {
     Gcode(GcodeProgram),
 }
 
-/// Reads an input of any format. `name` is used where the file has none of its own.
+/// Reads an input of any format. `name` is used if the file has none.
 pub fn read_any(
     bytes: &[u8],
     name: &str,
@@ -301,7 +301,7 @@ fn check_scale(options: &ReadOptions) -> Result<(), InputError> {
     }
 }
 
-/// Reads an outline. `name` is used where the file has none of its own.
+/// Reads an outline. `name` is used if the file has none.
 pub fn read(
     bytes: &[u8],
     name: &str,

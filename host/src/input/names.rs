@@ -5,8 +5,8 @@ pub const NAME_CHARS_MAX: usize = 200;
 /// Longest name inside a message, characters.
 const SHORT_CHARS_MAX: usize = 60;
 
-/// A part's name without what a terminal or a page would obey, cut to [`NAME_CHARS_MAX`]; `None` where
-/// nothing is left.
+/// A part's name without control sequences of a terminal or a page, cut to [`NAME_CHARS_MAX`]; `None`
+/// if nothing remains.
 pub fn part_name(text: &str) -> Option<String> {
     let seen = text.chars().filter(|&c| !is_command(c));
     let name: String = seen.take(NAME_CHARS_MAX).collect();

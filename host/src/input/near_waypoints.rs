@@ -66,8 +66,8 @@ pub fn usual_spacing_mm(points: &[Waypoint]) -> (f64, usize) {
     (median_mm, chords.len())
 }
 
-/// Jump that ends a pass where none is given: many times the usual spacing, and no less than what any
-/// spacing of a print path may be.
+/// Default jump that ends a pass: many times the usual spacing, and no less than any spacing of a
+/// print path.
 pub fn usual_gap_mm(points: &[Waypoint]) -> f64 {
     let (usual_mm, chords) = usual_spacing_mm(points);
     // So few points say nothing about what is usual.

@@ -16,7 +16,7 @@ use crate::geometry::tangle::crossings_about;
 
 /// Largest outline, mm: twice the largest printer there is.
 pub const SIZE_MAX_MM: f64 = 100_000.0;
-/// Smallest outline, mm: a tenth of the smallest aperture that is taken.
+/// Smallest outline, mm: a tenth of the smallest accepted aperture.
 pub const SIZE_MIN_MM: f64 = 0.001;
 /// Farthest coordinate, mm: 1e7 mm still leaves 2e-9 mm of an f64.
 pub const FAR_MAX_MM: f64 = 1.0e7;

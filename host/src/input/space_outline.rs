@@ -16,7 +16,7 @@ pub struct SpaceOutline {
     pub rings: Vec<Vec<Vector3<f64>>>,
 }
 
-/// Reads an outline in space; `name` is used where the file has none.
+/// Reads an outline in space; `name` is used if the file has none.
 ///
 /// # Errors
 /// [`InputError`].

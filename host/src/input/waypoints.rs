@@ -49,7 +49,7 @@ const AXIS_LENGTH_SLACK: f64 = 1e-3;
 /// How far the axes before and after one that is no direction may differ for it to lie between them:
 /// less than a corner of the path.
 const AGREEING_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
-/// Waypoints closer than this are the same place, mm: below what a step can make.
+/// Waypoints closer than this are at the same position, mm: below the resolution of a step.
 pub const SAME_PLACE_MM: f64 = 1e-6;
 
 /// One waypoint.
@@ -61,34 +61,35 @@ pub struct Waypoint {
     pub tip_mm: Point3<f64>,
     /// Tool axis, from the tip into the head.
     pub axis: Unit<Vector3<f64>>,
-    /// Heading about the tool axis, unwrapped, rad; `None` lays the major axis across the travel.
+    /// Heading about the tool axis, unwrapped, rad; `None` turns the major axis across the travel.
     pub heading_rad: Option<f64>,
-    /// Width of the bead, mm; `None` lays what the nozzle lays.
+    /// Width of the bead, mm; `None` is the nozzle's own.
     pub width_mm: Option<f64>,
     /// Height of the bead, mm; `None` for the layer height.
     pub height_mm: Option<f64>,
-    /// Section of the bead, mm², over width and height: the volume for each mm of the tip's way.
+    /// Section of the bead, mm², overrides width and height: the volume per mm of the tip's path.
     pub section_mm2: Option<f64>,
     /// Speed of the tip, mm/s, changing evenly from one to the next; `None` for the print speed.
     pub speed_mm_s: Option<f64>,
-    /// How far the tool axis may lean from its own, rad, where that is less than `--tilt-max` has it.
+    /// Largest tilt of the tool axis from its own, rad, if that is less than `--tilt-max`.
     pub cone_rad: Option<f64>,
-    /// A pass begins here, whatever the distance from the one before.
+    /// A pass begins here, whatever the distance from the previous waypoint.
     pub begins: bool,
-    /// What the pass that begins here asks for.
+    /// Requests of the pass that begins here.
     pub asked: PassAsked,
 }
 
-/// What a pass asks for over the settings; no file says it.
+/// Requests of a pass that override the settings; not from a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PassAsked {
     /// Its prime and its retract; `None` for those of the settings.
     pub prime_retract: Option<PrimeRetract>,
-    /// What it pushes before and pulls behind it, mm³, at the rates of the settings, over `prime_retract`.
+    /// Its prime and retract, mm³, at the rates of the settings; overrides `prime_retract`.
     pub pushes_mm3: [Option<f64>; 2],
-    /// Its waypoints have sections: they say what it deposits, whatever the nozzle lays.
+    /// Its waypoints have sections: they give the deposited volume, whatever the nozzle's own
+    /// section.
     pub has_sections: bool,
-    /// Its headings are meant as they are: not shifted by half turns that leave the bead the same.
+    /// Its headings are used unchanged: not shifted by half turns that give the same bead.
     pub keeps_heading: bool,
 }
 
@@ -101,7 +102,7 @@ pub struct WaypointRun {
     pub points: Vec<Waypoint>,
     /// One line each: repeated waypoints, axes made unit vectors.
     pub notes: Vec<String>,
-    /// Speeds are feeds of a file: bounded by the print speed where that is given, and otherwise what it is taken from.
+    /// Speeds are feeds of a file: limited by the print speed if that is given, and otherwise its source.
     pub has_feeds: bool,
 }
 
@@ -135,7 +136,7 @@ impl WaypointRun {
         }
     }
 
-    /// The run turned about Z through the origin.
+    /// The run rotated about Z through the origin.
     #[must_use]
     pub fn turned(mut self, turn_rad: f64) -> WaypointRun {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
@@ -165,10 +166,10 @@ struct Reader {
     replaced: Vec<usize>,
 }
 
-/// Reads a run. `name` is used where the file has none of its own.
+/// Reads a run. `name` is used if the file has none.
 ///
 /// # Errors
-/// [`WaypointError`], the first that is found.
+/// The first [`WaypointError`].
 pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointRun, WaypointError> {
     let text = std::str::from_utf8(bytes).map_err(|error| WaypointError::NotText {
         at_byte: error.valid_up_to(),

@@ -43,7 +43,7 @@ const INDEX_BYTES_MAX: u64 = 64 << 20;
 pub(crate) const INDEX_EVERY_FRAMES: usize = 64;
 const FOOTER_BYTES: u64 = 24;
 
-/// What the file says about the job before its frames.
+/// The file's data about the job, before its frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobHeader {
     /// [`FORMAT_VERSION`] of the writer.
@@ -58,7 +58,7 @@ pub struct JobHeader {
     pub machine: MachineConfiguration,
     /// Hash of `machine`; the handshake compares it.
     pub machine_hash: u32,
-    /// Where the input lies on the machine; applied before kinematics, undone in every output.
+    /// Position of the input on the machine; applied before kinematics, undone in every output.
     pub transform: PartTransform,
     /// Pose at rest before the first span, in the stream's units.
     pub start: ChannelPoint,
@@ -74,7 +74,7 @@ pub struct JobHeader {
     pub marks: Vec<Mark>,
     /// The plan's figures, a JSON object.
     pub figures_json: String,
-    /// More texts by name: `settings` (the machine file), `input` (where it came from).
+    /// More texts by name: `settings` (the machine file), `input` (its origin).
     pub texts: BTreeMap<String, String>,
 }
 
@@ -100,7 +100,7 @@ impl JobHeader {
         JobHeader::of_facts(facts, machine_name, machine, transform)
     }
 
-    /// The same of what is known of a stream.
+    /// The same from the facts of a stream.
     pub fn of_facts(
         stream: StreamFacts,
         machine_name: &str,
@@ -147,14 +147,14 @@ pub struct IndexEntry {
 /// A job as read from a file.
 #[derive(Clone, Debug)]
 pub struct JobFile {
-    /// What the file says about the job.
+    /// The file's data about the job.
     pub header: JobHeader,
     /// The stream, packed.
     pub frames: WireFrames,
 }
 
 impl JobHeader {
-    /// What the job orders of heaters and fans, by tick; empty where a text says nothing that is known.
+    /// The job's heater and fan commands, by tick; empty if a text contains nothing known.
     pub fn heat(&self) -> Vec<HeatEvent> {
         let text = self.texts.get(HEAT_TEXT);
         text.and_then(|text| from_json(text)).unwrap_or_default()
@@ -165,7 +165,7 @@ impl JobFile {
     /// The stream, unpacked.
     ///
     /// # Errors
-    /// [`WireFramesError`] where a frame is not what the protocol allows.
+    /// [`WireFramesError`] if a frame violates the protocol.
     pub fn stream(&self) -> Result<SegmentStream, WireFramesError> {
         let (knots, events) = self.frames.decode()?;
         Ok(SegmentStream {
@@ -307,7 +307,7 @@ pub(crate) fn damaged(at_byte: u64, part: &'static str, why: &'static str) -> Jo
 pub struct JobSummary {
     /// The header.
     pub header: JobHeader,
-    /// Every 64th frame and where it begins.
+    /// Every 64th frame with its offset.
     pub index: Vec<IndexEntry>,
     /// First byte of the first frame.
     pub frames_start: u64,
@@ -440,7 +440,7 @@ fn read_index(
     Ok((index, index_start))
 }
 
-/// Reads and checks a whole job.
+/// Reads and checks a complete job.
 ///
 /// # Errors
 /// [`JobFileError`] with the place.

@@ -15,8 +15,8 @@ use headway_protocol::segment::{FlowEvent, Knot};
 use headway_protocol::units::{ChannelPoint, Units};
 use thiserror::Error;
 
-/// Most flow events that run ahead of their knots: those of one block. A controller whose event
-/// queue holds twice as many never waits for itself.
+/// Maximum number of flow events sent ahead of their knots: those of one block. A controller whose
+/// event queue has twice that capacity never deadlocks.
 pub const EVENTS_AHEAD_MAX: usize = 4;
 
 /// Why frames are not a stream.
@@ -60,7 +60,7 @@ struct Entry {
     events: u32,
 }
 
-/// Payloads of a whole stream.
+/// Payloads of a complete stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WireFrames {
     start: ChannelPoint,
@@ -80,7 +80,7 @@ impl WireFrames {
         }
     }
 
-    /// Packs a stream. Events must be ordered by span and lie within the stream.
+    /// Packs a stream. Events must be ordered by span and within the stream.
     pub fn encode(stream: &SegmentStream) -> Result<Self, WireFramesError> {
         let mut frames = WireFrames::new(stream.start, stream.units);
         let mut packer = StreamPacker::new(stream.start);
@@ -130,7 +130,7 @@ impl WireFrames {
             .map_or((0, 0), |entry| (entry.knots, entry.events))
     }
 
-    /// Bytes on the line for the whole stream, framing included, without resends.
+    /// Bytes on the line for the complete stream, framing included, without resends.
     pub fn line_bytes(&self) -> usize {
         // Frames stay below COBS's 254-byte group: one code byte and the closing zero each.
         let overhead = headway_protocol::frame::FRAME_OVERHEAD_BYTES + 2;
@@ -216,7 +216,7 @@ pub(crate) fn digest_from(start: &ChannelPoint, units: &Units) -> Digest<'static
     digest
 }
 
-/// Packs a stream that comes piece by piece, into the same payloads as the whole of it.
+/// Packs a stream that is given in parts, into the same payloads as the complete stream.
 pub struct StreamPacker {
     predictor: KnotPredictor,
     /// Knots that may yet share a block with later ones, and the events from them on.
@@ -239,7 +239,7 @@ impl StreamPacker {
         }
     }
 
-    /// The next piece, which begins where the last one ended. `emit` takes payloads with the knots
+    /// The next part, which begins at the end of the last one. `emit` gets payloads with the knots
     /// and events in them.
     ///
     /// # Errors

@@ -9,7 +9,7 @@ use crate::settings::heat::Material;
 use headway_protocol::message::{Control, DECIDEGREES_MAX, HEATERS_MAX};
 use serde::{Deserialize, Serialize};
 
-/// Key of the orders among a job's texts.
+/// Key of the commands among a job's texts.
 pub const HEAT_TEXT: &str = "heat";
 /// The hot end among the heaters.
 pub const HOT_END: u8 = 0;
@@ -18,7 +18,7 @@ pub const BED: u8 = 1;
 /// Names of the heaters in the order of their numbers.
 pub const HEATER_NAMES: [&str; HEATERS_MAX] = ["hot end", "bed", "second hot end"];
 
-/// One order.
+/// One command.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, deny_unknown_fields)]
 pub enum HeatOrder {
@@ -38,10 +38,10 @@ pub enum HeatOrder {
     },
 }
 
-/// An order at a place of the path.
+/// A command at a point of the path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeatEvent {
-    /// Servo tick of segment time from which it holds.
+    /// Servo tick of segment time from which it applies.
     pub tick: u64,
     /// What.
     pub order: HeatOrder,
@@ -66,7 +66,7 @@ impl HeatOrder {
         }
     }
 
-    /// True for orders of the same heater, or both of the fan.
+    /// True for commands of the same heater, or both of the fan.
     pub fn is_of_same(&self, other: &HeatOrder) -> bool {
         self.channel() == other.channel()
     }
@@ -79,7 +79,7 @@ impl HeatOrder {
         }
     }
 
-    /// True for what heats or blows.
+    /// True for a heater or fan that is switched on.
     pub fn is_on(&self) -> bool {
         match self {
             HeatOrder::Heater { celsius, .. } => *celsius > 0.0,
@@ -87,7 +87,7 @@ impl HeatOrder {
         }
     }
 
-    /// As a board takes it; `None` for a heater or number that no board has.
+    /// As a board's command; `None` for a heater or number that no board has.
     pub fn control(&self) -> Option<Control> {
         match *self {
             HeatOrder::Heater {
@@ -139,9 +139,9 @@ fn round_tenth(number: f64) -> f64 {
     (number * 10.0).round() / 10.0
 }
 
-/// What a material asks of a stream with these marks: first the bed, which takes longer, then the hot
-/// end; behind the first layer its own temperatures end; the fan comes on with the layer that it is asked from;
-/// at the end all is off.
+/// A material's commands for a stream with these marks: first the bed, which takes longer, then the hot end;
+/// after the first layer its own temperatures end; the fan is switched on with its first layer; at the end all
+/// is off.
 pub fn material_events(material: &Material, marks: &[Mark]) -> Vec<HeatEvent> {
     let (Some(first), Some(last)) = (marks.first(), marks.last()) else {
         return Vec::new();
@@ -181,7 +181,7 @@ pub fn material_events(material: &Material, marks: &[Mark]) -> Vec<HeatEvent> {
     sorted(events)
 }
 
-/// The orders of a file, and of the material what the file says nothing of.
+/// The commands of a file, completed by those of the material.
 pub fn job_events(
     of_file: &[HeatEvent],
     material: Option<&Material>,
@@ -209,7 +209,7 @@ pub fn to_json(events: &[HeatEvent]) -> String {
     serde_json::to_string(events).unwrap_or_else(|_| "[]".to_string())
 }
 
-/// What [`to_json`] wrote, by tick; `None` where it is something else or asks for what no board has.
+/// The output of [`to_json`], by tick; `None` if it is something else or no board can do it.
 pub fn from_json(text: &str) -> Option<Vec<HeatEvent>> {
     let events: Vec<HeatEvent> = serde_json::from_str(text).ok()?;
     let is_known = |event: &HeatEvent| event.order.control().is_some();

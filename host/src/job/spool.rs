@@ -16,13 +16,13 @@ use headway_protocol::units::Units;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use thiserror::Error;
 
-/// Why a piece cannot be taken.
+/// Why a part is refused.
 #[derive(Debug, Error)]
 pub enum SpoolError {
     /// The file cannot be written or read back.
     #[error("the file for the frames of the job: {0}; free some room there")]
     Io(#[from] io::Error),
-    /// The stream is none.
+    /// The stream is invalid.
     #[error("the plan cannot be packed: {0}")]
     Frames(#[from] WireFramesError),
     /// The job cannot be written.
@@ -30,7 +30,7 @@ pub enum SpoolError {
     File(#[from] JobFileError),
 }
 
-/// A job on its way to a file.
+/// A job that is being written to a file.
 pub struct JobSpool<F: Write> {
     out: BufWriter<F>,
     packer: Option<StreamPacker>,
@@ -64,7 +64,7 @@ impl<F: Read + Write + Seek> JobSpool<F> {
         }
     }
 
-    /// The next piece, its passes counted from `first_pass` on.
+    /// The next part, with its passes counted from `first_pass` on.
     ///
     /// # Errors
     /// [`SpoolError`].
@@ -149,11 +149,11 @@ impl<F: Read + Write + Seek> JobSpool<F> {
     }
 }
 
-/// A whole job, its frames in a file.
+/// A complete job, with its frames in a file.
 pub struct SpooledJob<F> {
-    /// What its header says.
+    /// Data of its header.
     pub facts: StreamFacts,
-    /// Bytes on the line for the whole stream, framing included, without resends.
+    /// Bytes on the line for the complete stream, framing included, without resends.
     pub line_bytes: u64,
     packed: FrameWriter,
     file: F,

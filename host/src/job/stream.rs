@@ -46,7 +46,7 @@ impl MotionState {
     }
 }
 
-/// A move of the stream between two rests: what it is, and when, in servo ticks of segment time.
+/// A move of the stream between two rests: its kind and time, in servo ticks of segment time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mark {
     /// First tick (0 = start of span 0 of the stream).
@@ -57,7 +57,7 @@ pub struct Mark {
     pub state: MotionState,
     /// Layer from 0.
     pub layer: u32,
-    /// Pass from 0 over the whole job; `None` off the passes.
+    /// Pass from 0 over the complete job; `None` between passes.
     pub pass: Option<u32>,
 }
 
@@ -70,7 +70,7 @@ pub struct SegmentStream {
     pub knots: Vec<Knot>,
     /// Flow events, ordered by (span, offset).
     pub events: Vec<FlowEvent>,
-    /// What the stream is doing when, ordered, without gaps.
+    /// The moves of the stream over time, ordered, without gaps.
     pub marks: Vec<Mark>,
     /// Which of the machine's joint solutions it is run in.
     pub solution: u8,
@@ -78,7 +78,7 @@ pub struct SegmentStream {
     pub units: Units,
 }
 
-/// What a header says of its stream.
+/// A header's data about its stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreamFacts {
     /// Pose at rest before the first span, in the stream's units.
@@ -113,7 +113,7 @@ impl SegmentStream {
         Spans::new(&self.start, &self.knots, self.units)
     }
 
-    /// Its spans in order, each with the mark that it belongs to; `None` for what lies behind the last one.
+    /// Its spans in order, each with its mark; `None` after the last one.
     pub fn marked_spans(
         &self,
     ) -> impl Iterator<Item = (<Spans<'_> as Iterator>::Item, Option<&Mark>)> {
@@ -127,9 +127,9 @@ impl SegmentStream {
         })
     }
 
-    /// Puts a stream of the same units behind this one that begins where it ends; its passes are counted from
-    /// `first_pass` on. Both end at rest and begin with a short one, so that nothing is
-    /// computed anew: the rest that ends this one is the one that the other begins with.
+    /// Appends a stream of the same units that begins at the end of this one; its passes are counted from
+    /// `first_pass` on. Both end at rest and begin with a short rest, so that nothing is recomputed: the rest
+    /// at the end of this one is the first rest of the other.
     pub fn append(&mut self, next: SegmentStream, first_pass: u32) {
         if self.knots.is_empty() {
             *self = next;
@@ -152,12 +152,12 @@ impl SegmentStream {
         }));
     }
 
-    /// Layers of the job; 1 where nothing is said of layers.
+    /// Layers of the job; 1 if there is no data on layers.
     pub fn layers(&self) -> u32 {
         self.marks.last().map_or(1, |mark| mark.layer + 1)
     }
 
-    /// From the first tick of a layer to the tick after its last; empty where there is no such layer.
+    /// From the first tick of a layer to the tick after its last; empty if there is no such layer.
     pub fn ticks_of_layer(&self, layer: u32) -> [u64; 2] {
         let begins = self.marks.partition_point(|mark| mark.layer < layer);
         let ends = self.marks.partition_point(|mark| mark.layer <= layer);

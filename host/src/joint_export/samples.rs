@@ -21,11 +21,11 @@ const SAME_TICK: f64 = 1e-6;
 /// The joints at one moment; those past the machine's are 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointSample {
-    /// Time, channels, and what the head does.
+    /// Time, channels, and state of the head.
     pub sample: StreamSample,
     /// Positions, mm or rad.
     pub position: [f64; JOINTS_MAX],
-    /// Their rates, a second.
+    /// Their rates, per second.
     pub velocity: [f64; JOINTS_MAX],
     /// Their second derivatives.
     pub acceleration: [f64; JOINTS_MAX],

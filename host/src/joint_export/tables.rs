@@ -60,10 +60,10 @@ impl JointTable<'_> {
         samples.map(|sample| sample.map_err(Error::other))
     }
 
-    /// Writes a head line and a row for every step of time.
+    /// Writes a header line and a row for every step of time.
     ///
     /// # Errors
-    /// Of the writing, and where a pose has no joints.
+    /// Of the writer, and if a pose has no joints.
     pub fn write_csv(&self, out: &mut impl Write) -> Result<()> {
         writeln!(out, "{}", columns(self.machine).join(","))?;
         for sample in self.rows() {

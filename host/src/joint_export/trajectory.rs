@@ -74,7 +74,7 @@ pub fn joint_names_of(
 /// Writes the message.
 ///
 /// # Errors
-/// Of the writing, and where a pose has no joints.
+/// Of the writer, and if a pose has no joints.
 pub fn write_trajectory(
     out: &mut impl Write,
     table: &JointTable,

@@ -15,7 +15,7 @@ use super::orient::agree;
 use super::{Mesh, MeshError, Point3, Vector3};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// Widest gap that is closed, mm: less than the finest bead is wide, and what slicers close as well
+/// Widest gap that is closed, mm: less than the width of the finest bead, and as in slicers
 /// (PrusaSlicer 2.5: 0.049 mm).
 pub const GAP_MAX_MM: f64 = 0.05;
 /// Shares of that which are closed first: what rounding tore apart is closed before detail of the size
@@ -31,9 +31,9 @@ const HOLE_EDGES_MAX: usize = 4000;
 pub struct ClosedGaps {
     /// Corners that became one with another.
     pub welded: usize,
-    /// Edges divided at a corner that lies on them.
+    /// Edges divided at a corner on them.
     pub split: usize,
-    /// Triangles put into what remained.
+    /// Triangles added to remaining holes.
     pub filled: usize,
     /// The widest gap among them, mm.
     pub widest_mm: f64,

@@ -21,7 +21,7 @@ impl std::fmt::Display for At3 {
 /// Refusals of the mesh stage.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
-    /// The bytes are not what the format asks for.
+    /// The bytes do not follow the format.
     #[error("not a readable {format} file: {problem}")]
     Syntax {
         /// Format by name.
@@ -29,7 +29,7 @@ pub enum MeshError {
         /// What the parser says, and what to do.
         problem: String,
     },
-    /// The first layer's height is none.
+    /// The first layer's height is invalid.
     #[error("--first-layer-height {height_mm}: write a height of {} to {} mm", LAYER_MM[0], LAYER_MM[1])]
     FirstLayerHeight {
         /// What was asked.
@@ -170,7 +170,7 @@ pub enum MeshError {
         /// How many the part has.
         layers: u32,
     },
-    /// Layers without any ground.
+    /// Layers without any area.
     #[error("there is nothing inside the mesh on layers {from} to {to}: choose other ones")]
     NothingInside {
         /// First of the range.

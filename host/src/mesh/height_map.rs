@@ -14,7 +14,7 @@ const BUCKETS_MAX: f64 = 1024.0;
 /// A place so far beside a triangle still lies on it, as a share of its sides: rounding between two.
 const EDGE_SHARE: f64 = 1e-9;
 
-/// A mesh ready to be looked at from above.
+/// A mesh prepared for height queries.
 pub struct HeightMap<'a> {
     mesh: &'a Mesh,
     bounds: Box2,
@@ -65,7 +65,7 @@ impl<'a> HeightMap<'a> {
         self.bounds
     }
 
-    /// Height of the topmost triangle over a place, mm; `None` where there is none.
+    /// Height of the topmost triangle over a point, mm; `None` if there is none.
     pub fn top_mm(&self, p: Point2) -> Option<f64> {
         if !self.bounds.contains(p) {
             return None;

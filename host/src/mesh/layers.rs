@@ -20,7 +20,7 @@ use std::ops::Range;
 /// A middle that is this near below the top cuts nothing but rounding, mm.
 const HAIR_MM: f64 = 1e-5;
 
-/// Least and greatest height of a layer, mm, as machine files have it.
+/// Least and greatest height of a layer, mm, as in machine files.
 pub const LAYER_MM: [f64; 2] = [0.001, 500.0];
 
 /// How a part is divided.
@@ -30,7 +30,7 @@ pub struct LayerHeights {
     pub first_mm: f64,
     /// Of the others, mm.
     pub layer_mm: f64,
-    /// Heights of their own, upwards, none over another.
+    /// Ranges with their own heights, upwards, without overlap.
     pub ranges: Vec<HeightRange>,
     /// First and last layer that are wanted, counted from 1; `None` for all.
     pub range: Option<[u32; 2]>,
@@ -103,7 +103,7 @@ impl TargetLayer {
 }
 
 impl SlicedPart {
-    /// The layers of the range that was asked for.
+    /// The layers of the requested range.
     pub fn wanted_layers(&self) -> &[TargetLayer] {
         &self.layers[self.wanted.start as usize..self.wanted.end as usize]
     }
@@ -119,7 +119,7 @@ impl SlicedPart {
 const FIT_SHARE: f64 = 1e-6;
 
 impl HeightRange {
-    /// The height of its layers where so much of it is left: the asked one where that fits.
+    /// The height of its layers in the remaining part: the requested one if it fits.
     pub fn fitted_mm(&self, left_mm: f64) -> f64 {
         left_mm / fitting(left_mm, self.layer_mm)
     }
@@ -225,15 +225,15 @@ impl LayerHeights {
 /// Cuts a part into layers.
 ///
 /// # Errors
-/// Where it has no layer, too many, or none in the range.
+/// If it has no layer, too many, or none in the range.
 pub fn sliced(mesh: &Mesh, heights: &LayerHeights) -> Result<SlicedPart, MeshError> {
     sliced_carved(mesh, &[], heights)
 }
 
-/// The same for a part that has something cut away from some of what it consists of.
+/// The same for a part with volumes subtracted from some of its objects.
 ///
 /// # Errors
-/// Also where nothing of the first layer is left.
+/// Also if nothing of the first layer remains.
 pub fn sliced_carved(
     mesh: &Mesh,
     carved: &[Carved],

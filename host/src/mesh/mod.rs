@@ -51,7 +51,7 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A closed mesh, and what is cut away from it and from nothing else.
+/// A closed mesh, and the volumes that are subtracted only from it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Carved {
     /// Material, closed, mm.
@@ -83,7 +83,7 @@ impl Mesh {
             .fold(none, |[low, high], p| [low.inf(p), high.sup(p)])
     }
 
-    /// Enclosed volume, mm³; negative where the triangles look inwards.
+    /// Enclosed volume, mm³; negative if the triangles face inwards.
     pub fn volume_mm3(&self) -> f64 {
         volume_mm3(self, 0..self.triangles.len())
     }

@@ -11,9 +11,9 @@ use super::{Mesh, Point3, volume_mm3};
 /// What was turned to look outwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Reoriented {
-    /// Triangles that looked the other way than their neighbours.
+    /// Triangles with an orientation opposite to their neighbours'.
     pub triangles: usize,
-    /// Shells that looked inwards all over.
+    /// Shells that were completely inside out.
     pub shells: usize,
 }
 

@@ -102,7 +102,8 @@ pub fn chosen(mesh: &Mesh, is_chosen: impl Fn(usize) -> bool) -> Mesh {
     part
 }
 
-/// For each triangle the number of its connected part; parts meet across edges that are not `held`.
+/// For each triangle the number of its connected part; parts are connected across edges that are
+/// not `held`.
 pub fn parts(
     mesh: &Mesh,
     is_held: impl Fn(usize) -> bool,
@@ -133,7 +134,7 @@ pub fn parts(
     Ok(part_of)
 }
 
-/// The patch cut along its edges by the shortest way between two rims; `None` where there is none.
+/// The patch cut along its edges by the shortest path between two rims; `None` if there is none.
 ///
 /// # Errors
 /// [`NotManifold`].

@@ -33,7 +33,7 @@ pub enum MeshFormat {
 /// How to read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {
-    /// Millimetres in one of the file's units, over what the file says.
+    /// Millimetres per unit of the file; overrides the file's.
     pub unit_mm: Option<f64>,
     /// Factor on all coordinates, after the unit.
     pub scale: f64,
@@ -55,14 +55,14 @@ impl Default for MeshOptions {
 #[derive(Default)]
 pub(super) struct RawMesh {
     pub mesh: Mesh,
-    /// Material, and what is cut away from it.
+    /// Material, and the volumes subtracted from it.
     pub carved: Vec<(Mesh, Mesh)>,
     pub name: Option<String>,
     pub unit_mm: f64,
     pub notes: Vec<String>,
     /// Names that the file gives to runs of the mesh's triangles.
     pub groups: Vec<(String, std::ops::Range<usize>)>,
-    /// Colours of the mesh's vertices, where it has them.
+    /// Colours of the mesh's vertices, if it has any.
     pub colours: Vec<[u8; 3]>,
 }
 
@@ -71,16 +71,16 @@ pub(super) struct RawMesh {
 pub enum SurfaceRegion {
     /// Those of a group or object of that name.
     Group(String),
-    /// Those of which all corners have that colour.
+    /// Triangles of which all corners have that colour.
     Colour([u8; 3]),
-    /// Those whose normal leans from Z by no more than that.
+    /// Triangles whose normal is tilted from Z by no more than that.
     Normal {
         /// The lean.
         most_rad: f64,
     },
 }
 
-/// A closed mesh and what the user should know about how it was read.
+/// A closed mesh and notes on how it was read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedMesh {
     /// The file's own name for the part, or the one that was given.
@@ -89,7 +89,7 @@ pub struct LoadedMesh {
     pub mesh: Mesh,
     /// What a project cuts something away from.
     pub carved: Vec<Carved>,
-    /// One line each: what was mended.
+    /// One line for each repair.
     pub notes: Vec<String>,
 }
 
@@ -97,7 +97,7 @@ pub(super) fn syntax(format: &'static str, problem: String) -> MeshError {
     MeshError::Syntax { format, problem }
 }
 
-/// Reads a mesh and makes it closed. `name` is used where the file has none of its own.
+/// Reads a mesh and closes it. `name` is used if the file has none.
 ///
 /// # Errors
 /// [`MeshError`] with the place.
@@ -249,7 +249,8 @@ impl Closing {
     }
 }
 
-/// Reads a mesh of which the outsides of triangles count, or a region of it, closed or not.
+/// Reads a mesh, or a region of it, closed or not, with the outer sides of its triangles as the
+/// surface.
 ///
 /// # Errors
 /// [`MeshError`] with the place.

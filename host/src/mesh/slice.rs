@@ -32,7 +32,7 @@ const OVERLAP_MIN_SHARE: f64 = 1e-6;
 pub struct Section {
     /// What is inside.
     pub regions: Vec<Region>,
-    /// Ground that is wound around more than once or the wrong way round, mm², and a place in it.
+    /// Area with a winding number above 1 or below 0, mm², and a point in it.
     pub overlap: Option<(f64, Point2)>,
 }
 
@@ -43,7 +43,7 @@ pub struct Slicer<'a> {
 }
 
 impl<'a> Slicer<'a> {
-    /// Finds out which triangles are neighbours.
+    /// Finds the neighbours of triangles.
     pub fn new(mesh: &'a Mesh) -> Slicer<'a> {
         let twins = Edges::of(&mesh.triangles).twins(&mesh.triangles);
         Slicer { mesh, twins }

@@ -19,7 +19,7 @@ use crate::settings::{Settings, SettingsError};
 /// Why a target cannot be planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
-    /// Whoever waits wants no more.
+    /// The caller has stopped planning.
     #[error(transparent)]
     Stopped(#[from] Stopped),
     /// The settings.
@@ -37,16 +37,16 @@ pub enum PlanError {
     /// The part does not fit on the machine.
     #[error(transparent)]
     Place(#[from] PlaceError),
-    /// No place on the table from which the whole run is reached.
+    /// No position on the table at which the complete run is reachable.
     #[error(transparent)]
     NoPlace(#[from] NoPlaceError),
-    /// The motion breaks a limit that slowing cannot mend.
+    /// The motion exceeds a limit that slowing cannot correct.
     #[error(transparent)]
     Motion(MotionError),
     /// The waypoints have no curve that can be planned.
     #[error(transparent)]
     Waypoints(#[from] WaypointCurveError),
-    /// The tool axis cannot lean as it would have to.
+    /// The tool axis cannot tilt as required.
     #[error(transparent)]
     Lean(#[from] LeanError),
     /// The plan does not go onto its surface.

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 pub enum Use {
     /// Loops along the outline.
     Walls,
-    /// Lines of filled ground.
+    /// Lines of solid infill.
     Solid,
     /// Lines of a sparse infill.
     Sparse,
@@ -55,12 +55,12 @@ impl Use {
     }
 }
 
-/// What a layer spends on one of them.
+/// Time and material of a layer for one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LayerUse {
     /// Layer from 0.
     pub layer: u32,
-    /// On what.
+    /// The kind of use.
     pub what: Use,
     /// How long.
     pub seconds: f64,
@@ -76,7 +76,7 @@ pub fn pass_uses(plan: &Plan) -> Vec<Use> {
     curves.map(|curve| Use::of_pass(curve.kind)).collect()
 }
 
-/// Of every layer what it is spent on; none of a plan without curves of its own.
+/// The uses of every layer; none for a plan without curves of its own.
 pub fn layer_uses(plan: &Plan, servo_hz: f64) -> Vec<LayerUse> {
     if plan.curves.is_empty() {
         return Vec::new();

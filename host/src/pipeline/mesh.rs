@@ -51,9 +51,9 @@ pub struct FirstLayer {
 /// A planned part.
 #[derive(Clone, Debug, Default)]
 pub struct PartPlan {
-    /// Where the part lies on the machine.
+    /// Position of the part on the machine.
     pub transform: PartTransform,
-    /// The stream for the controller; empty where the pieces of it were handed on.
+    /// The stream for the controller; empty if its parts were handed on.
     pub stream: SegmentStream,
     /// The joint solution that it is run in.
     pub solution: u8,
@@ -67,25 +67,25 @@ pub struct PartPlan {
     pub swept: Vec<(u32, Swept)>,
     /// Regions that are not printed.
     pub left_out: Vec<LeftOut>,
-    /// Ground given up to keep-outs, all layers together.
+    /// Area lost to keep-outs, all layers together.
     pub kept_out_mm2: f64,
     /// A skirt or brim was printed.
     pub has_skirt: bool,
     /// Travels between passes that leave the regions on their way.
     pub outline_crossings: u64,
-    /// What hangs over nothing, by layer of the whole part.
+    /// Overhangs, by layer of the complete part.
     pub overhangs: Vec<Overhang>,
-    /// Boundary that cannot be touched, at most [`PLACES_MAX`] runs.
+    /// Unreachable boundary, at most [`PLACES_MAX`] intervals.
     pub unreachable: Vec<UnreachableRun>,
     /// Length of it over all layers.
     pub unreachable_mm: f64,
-    /// Ground that was to be filled and stays open, the largest [`PLACES_MAX`] pieces.
+    /// Area that was to be filled and stays uncovered, the largest [`PLACES_MAX`] parts.
     pub open: Vec<OpenGround>,
-    /// What of such ground is no speck, over all layers.
+    /// Such area without tiny parts, over all layers.
     pub open_mm2: f64,
-    /// Ground that lines are to cover, and what of it was swept.
+    /// Area that lines are to cover, and its swept part.
     pub infill_mm2: [f64; 2],
-    /// What of that is open on purpose between sparse lines, and what of it was swept.
+    /// The part of that which is open on purpose between sparse lines, and its swept part.
     pub sparse_mm2: [f64; 2],
     /// The lowest layer of each run of unreachable boundary.
     pub unreachable_layers: Vec<u32>,
@@ -95,27 +95,28 @@ pub struct PartPlan {
     pub pass_uses: Vec<Use>,
     /// Layers that were slowed.
     pub slowed: SlowedLayers,
-    /// Open ground by cells, and the layers that were looked at.
+    /// Uncovered area by cells, and the number of evaluated layers.
     pub open_cells: (OpenCells, u32),
 }
 
 /// Places of each kind that are kept.
 pub const PLACES_MAX: usize = 1000;
 
-/// What planning a part is given and gives.
+/// Inputs and outputs of planning a part.
 pub struct PartContext<'a> {
-    /// Is told how far it is.
+    /// Receiver of progress.
     pub progress: &'a dyn Progress,
     /// Pieces that were planned before.
     pub cache: &'a mut dyn PieceCache,
-    /// What plans: pieces of another program are not taken.
+    /// The planning program: blocks of another one are not used.
     pub program: &'a str,
-    /// Takes the stream piece by piece, each with the number of its first pass. What it says of a
-    /// piece that it cannot take ends planning.
+    /// Receives the stream in parts, each with the number of its first pass. An error from it ends
+    /// planning.
     pub take: &'a mut dyn FnMut(SegmentStream, u32) -> Result<(), String>,
 }
 
-/// Plans the wanted layers of a part around keep-outs (input coordinates), the whole stream in memory.
+/// Plans the requested layers of a part around keep-outs (input coordinates), with the complete stream
+/// in memory.
 ///
 /// # Errors
 /// [`PlanError`]; a region that cannot be planned is left out instead.
@@ -141,7 +142,7 @@ pub fn plan_part(
     Ok(PartPlan { stream, ..planned })
 }
 
-/// The same; what grows with the layers are their outlines.
+/// The same; only the outlines in memory grow with the number of layers.
 ///
 /// # Errors
 /// [`PlanError`]; a region that cannot be planned is left out instead.

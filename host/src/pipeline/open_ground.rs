@@ -21,7 +21,7 @@ const PLACES_TOLD: usize = 3;
 /// Places and areas that differ by less are the same on two layers, mm and mm².
 const SAME: f64 = 1e-3;
 
-/// A piece of ground that nothing covers.
+/// A connected uncovered area.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OpenGround {
     /// Its area.
@@ -35,7 +35,7 @@ pub struct OpenGround {
     pub layers: u32,
 }
 
-/// All pieces of the layers, the largest first.
+/// All uncovered areas of the layers, the largest first.
 pub fn open_ground(plan: &Plan, settings: &Settings) -> Vec<OpenGround> {
     let mut found = Vec::new();
     // How many printings have the raster of each.
@@ -98,12 +98,12 @@ pub fn merged(mut open: Vec<OpenGround>) -> Vec<OpenGround> {
     merged
 }
 
-/// The least piece that the user is told of: as large as the narrowest bead is wide.
+/// The smallest reported area: the square of the narrowest bead's width.
 pub fn least_mm2(settings: &Settings) -> f64 {
     (2.0 * settings.aperture.minor_mm()).powi(2)
 }
 
-/// Area of the pieces that the user is told of, over all layers, mm².
+/// Sum of the reported areas, over all layers, mm².
 pub fn told_mm2(open: &[OpenGround], settings: &Settings) -> f64 {
     let least_mm2 = least_mm2(settings);
     let open = open.iter().filter(|piece| piece.area_mm2 >= least_mm2);
@@ -111,8 +111,8 @@ pub fn told_mm2(open: &[OpenGround], settings: &Settings) -> f64 {
         .sum()
 }
 
-/// What the user is told of it. `all_mm2` is [`told_mm2`] of all pieces, `open` may have only the largest, the
-/// largest first; `top_mm` gives the height of a layer where that is known.
+/// The note for the user. `all_mm2` is [`told_mm2`] of all areas, `open` may have only the largest ones, the
+/// largest first; `top_mm` gives the height of a layer if that is known.
 pub fn note(
     open: &[OpenGround],
     all_mm2: f64,

@@ -13,7 +13,7 @@ use crate::plan::route::keep_out::cleared;
 use crate::plan::route::keep_out::shadows::with_shadows;
 use crate::settings::Settings;
 
-/// Plans a target with nothing in the way; see [`plan_target_around`].
+/// Plans a target without keep-outs; see [`plan_target_around`].
 ///
 /// # Errors
 /// [`PlanError`].
@@ -21,8 +21,8 @@ pub fn plan_target(target: &Target, settings: &Settings) -> Result<Plan, PlanErr
     plan_target_around(target, &[], settings, &())
 }
 
-/// Plans a target around keep-outs (input coordinates): the whole pipeline, one line for each
-/// stage. `progress` is told how far it is (`()` tells nobody).
+/// Plans a target around keep-outs (input coordinates): the complete pipeline, one line for each
+/// stage. `progress` receives its progress (`()` ignores it).
 ///
 /// # Errors
 /// [`PlanError`].

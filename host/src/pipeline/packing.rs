@@ -31,19 +31,19 @@ pub struct JobPacking<F: Write> {
     device: DeviceCheck,
 }
 
-/// A whole job.
+/// A complete job.
 pub struct PackedJob<F> {
     /// Its frames.
     pub frames: SpooledJob<F>,
     /// What it reaches of the limits.
     pub limits: LimitFigures,
-    /// What takes its time.
+    /// Shares of its time by limit.
     pub times: TimeByLimit,
     /// Where a board would stop it: such a job is not to be written.
     pub refused: Option<Refused>,
 }
 
-/// What a job's header says beside its stream.
+/// Data of a job's header in addition to its stream.
 pub struct JobFacts<'a> {
     /// Name of the part.
     pub name: &'a str,
@@ -53,11 +53,11 @@ pub struct JobFacts<'a> {
     pub layer_outlines: &'a LayerOutlines,
     /// The settings it was planned with.
     pub settings: &'a Settings,
-    /// Where it lies on the machine.
+    /// Its position on the machine.
     pub transform: PartTransform,
     /// Its figures.
     pub figures: &'a Figures,
-    /// What its file orders of heaters and fans.
+    /// Heater and fan commands of its file.
     pub heat: &'a [HeatEvent],
 }
 
@@ -73,12 +73,12 @@ impl<F: Read + Write + Seek> JobPacking<F> {
         }
     }
 
-    /// Nothing was taken yet.
+    /// Nothing was added yet.
     pub fn is_empty(&self) -> bool {
         self.is_empty
     }
 
-    /// Takes the next piece, its passes counted from `first_pass` on.
+    /// Adds the next part, with its passes counted from `first_pass` on.
     ///
     /// # Errors
     /// [`SpoolError`].

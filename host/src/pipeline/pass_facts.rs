@@ -26,7 +26,7 @@ struct Followed {
 /// Of a job.
 #[derive(Clone, Debug, Default)]
 pub enum PassFacts {
-    /// Nothing: the job came from a file of ours.
+    /// Nothing: the job came from a job file.
     #[default]
     Unknown,
     /// By the number of the pass.
@@ -35,7 +35,7 @@ pub enum PassFacts {
     File(FilePasses),
 }
 
-/// Passes of a file, and which of them each pass of the job follows.
+/// Passes of a file, and the one that each pass of the job follows.
 #[derive(Clone, Debug)]
 pub struct FilePasses {
     /// The file's.

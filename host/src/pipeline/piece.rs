@@ -32,7 +32,7 @@ const MAGIC: &[u8; 8] = b"HWPIECE3";
 pub struct Piece {
     /// The stream; its passes are counted from 0.
     pub stream: SegmentStream,
-    /// Where the head is behind it, at rest; `None` where nothing is printed.
+    /// Position of the head after it, at rest; `None` if nothing is printed.
     pub end: Option<[f64; CHANNELS]>,
     /// What was swept of each printing, with its layer.
     pub swept: Vec<(u32, Swept)>,
@@ -42,27 +42,27 @@ pub struct Piece {
     pub ratios: Ratios,
     /// Worst error of the fit against its share of the tolerance.
     pub fit_error_ratio: f64,
-    /// Moves whose whole time had to be doubled.
+    /// Moves whose complete time had to be doubled.
     pub doubled_moves: u64,
     /// Duration, s.
     pub duration_s: f64,
     /// Regions that are not printed.
     pub left_out: Vec<LeftOut>,
-    /// Ground given up to keep-outs.
+    /// Area lost to keep-outs.
     pub kept_out_mm2: f64,
     /// A skirt or brim was printed.
     pub has_skirt: bool,
     /// Travels between passes that leave the regions on their way.
     pub outline_crossings: u64,
-    /// Boundary that cannot be touched, once for each kind of layer.
+    /// Unreachable boundary, once for each layer group.
     pub unreachable: Vec<UnreachableRun>,
     /// Length of it over all layers.
     pub unreachable_mm: f64,
     /// Ground that was to be filled and stays open, the largest first.
     pub open: Vec<OpenGround>,
-    /// Ground that lines are to cover, and what of it was swept.
+    /// Area that lines are to cover, and its swept part.
     pub infill_mm2: [f64; 2],
-    /// What of that is open on purpose between sparse lines, and what of it was swept.
+    /// The part of that which is open on purpose between sparse lines, and its swept part.
     pub sparse_mm2: [f64; 2],
     /// The lowest layer of each run of unreachable boundary.
     pub unreachable_layers: Vec<u32>,
@@ -72,7 +72,7 @@ pub struct Piece {
     pub pass_uses: Vec<Use>,
     /// Layers that were slowed.
     pub slowed: SlowedLayers,
-    /// Open ground by cells, and the layers that were looked at.
+    /// Uncovered area by cells, and the number of evaluated layers.
     pub open_cells: (OpenCells, u32),
 }
 
@@ -138,7 +138,7 @@ impl Piece {
         piece
     }
 
-    /// As bytes; `None` where it cannot be kept.
+    /// As bytes; `None` if it cannot be stored.
     pub fn to_bytes(&self) -> Option<Vec<u8>> {
         let mut bytes = postcard::to_extend(self, MAGIC.to_vec()).ok()?;
         let crc = CRC.checksum(&bytes);
@@ -146,7 +146,7 @@ impl Piece {
         Some(bytes)
     }
 
-    /// From such bytes; `None` where one of them is not what it was.
+    /// From such bytes; `None` if any of them has changed.
     pub fn from_bytes(bytes: &[u8]) -> Option<Piece> {
         let (body, crc) = bytes.split_last_chunk::<4>()?;
         if CRC.checksum(body) != u32::from_le_bytes(*crc) {
@@ -156,7 +156,7 @@ impl Piece {
     }
 }
 
-/// Boundary of regions that cannot be touched, input coordinates.
+/// Unreachable boundary of regions, input coordinates.
 pub fn unreachable_boundary<'a>(
     regions: impl IntoIterator<Item = &'a RegionPlan>,
 ) -> Vec<UnreachableRun> {

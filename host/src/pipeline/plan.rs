@@ -25,27 +25,27 @@ use crate::plan::route::waypoint_curve::rounding::RoundedCorners;
 /// A planned target, with all intermediates.
 #[derive(Clone, Debug, Default)]
 pub struct Plan {
-    /// Where the part lies on the machine.
+    /// Position of the part on the machine.
     pub transform: PartTransform,
     /// What neither aperture nor nozzle body enters, input coordinates.
     pub keep_out: Vec<Region>,
-    /// Ground of the target given up to that.
+    /// Area of the target lost to that.
     pub kept_out_mm2: f64,
     /// Regions of a part that are not printed.
     pub left_out: Vec<LeftOut>,
     /// What is printed around the regions before them, on the first layer.
     pub skirt: Option<SkirtPlan>,
-    /// The kinds of layer, in the order of their first ones.
+    /// The layer groups, in the order of their first layers.
     pub kinds: Vec<LayerGroup>,
     /// Every printing of a region, in order.
     pub prints: Vec<RegionPrint>,
-    /// The curves that are printed, machine coordinates, in order.
+    /// The printed curves, machine coordinates, in order.
     pub curves: Vec<PlanePass>,
     /// For each curve the number of its printing, or [`crate::plan::layers::layer_groups::OFF_REGIONS`].
     pub print_of_curve: Vec<usize>,
-    /// The place that was found for a run of waypoints, where one was looked for.
+    /// The position found for a run of waypoints, if one was requested.
     pub found_place: Option<FoundPlace>,
-    /// How the tool axis of a run of waypoints leans to keep clear, where it does.
+    /// The tilts of the tool axis of a run of waypoints for clearance, if any.
     pub leaned: Option<Leaned>,
     /// Where two rotary axes line up on a run of waypoints, and how that is passed.
     pub singular: SingularPlaces,
@@ -53,9 +53,9 @@ pub struct Plan {
     pub rounded: RoundedCorners,
     /// Touches of the head with table and print on a run of waypoints, where its shape is known.
     pub touches: Option<Touches>,
-    /// The surface that it lies on, where there is one.
+    /// Its surface, if there is one.
     pub on_surface: Option<OnSurface>,
-    /// What became of its curved layers, where it has some.
+    /// Results for its curved layers, if it has any.
     pub curved_layers: Option<CurvedFigures>,
     /// Layers that were slowed to last long enough.
     pub slowed: SlowedLayers,
@@ -74,7 +74,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The regions of the first layer's kind; none for a run of waypoints.
+    /// The regions of the first layer's group; none for a run of waypoints.
     pub fn regions(&self) -> &[RegionPlan] {
         self.kinds.first().map_or(&[], |kind| &kind.regions)
     }
@@ -94,13 +94,13 @@ impl Plan {
         )
     }
 
-    /// The ground that infill lines are to cover, and what of it was swept, mm², over the layers of
-    /// one kind or all; `None` where there is none.
+    /// The area that infill lines are to cover, and its swept part, mm², over the layers of one
+    /// group or all; `None` if there is none.
     pub fn infill_area_mm2(&self, kind: Option<usize>) -> Option<[f64; 2]> {
         self.ground_area_mm2(kind, |region| &region.open)
     }
 
-    /// The same of the ground that is open on purpose between the lines of a sparse infill.
+    /// The same for the area that is open on purpose between the lines of a sparse infill.
     pub fn sparse_area_mm2(&self, kind: Option<usize>) -> Option<[f64; 2]> {
         self.ground_area_mm2(kind, |region| &region.sparse)
     }

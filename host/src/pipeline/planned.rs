@@ -27,7 +27,7 @@ use crate::report::job_texts::LayerOutlines;
 use crate::settings::Settings;
 use headway_firmware::configuration::JointConfiguration;
 
-/// A job and what belongs to it.
+/// A job and its data.
 #[derive(Clone, Debug, Default)]
 pub struct Planned {
     /// Name of the part.
@@ -38,11 +38,11 @@ pub struct Planned {
     pub layer_outlines: LayerOutlines,
     /// What it was planned with, the machine in the solution of its joints.
     pub settings: Settings,
-    /// Where it lies on the machine.
+    /// Its position on the machine.
     pub transform: PartTransform,
-    /// The stream for the controller; empty where its pieces were handed on.
+    /// The stream for the controller; empty if its parts were handed on.
     pub stream: SegmentStream,
-    /// What its file orders of heaters and fans.
+    /// Heater and fan commands of its file.
     pub heat: Vec<HeatEvent>,
     /// Its figures.
     pub figures: Figures,
@@ -50,20 +50,20 @@ pub struct Planned {
     pub notes: Vec<String>,
     /// What keeps it from being good.
     pub objections: Vec<Objection>,
-    /// The machine's own joints, where it was planned with wider ranges.
+    /// The machine's own joints, if it was planned with wider ranges.
     pub own_joints: Option<Vec<JointConfiguration>>,
     /// What is known of each pass.
     pub pass_facts: PassFacts,
     /// The planner's intermediates; `None` for a job from a file.
     pub plan: Option<Box<Plan>>,
-    /// Boundary that cannot be touched, input coordinates.
+    /// Unreachable boundary, input coordinates.
     pub unreachable: Vec<UnreachableRun>,
     /// Ground and boundary that is not printed, the largest of each first; empty for a job from a
     /// file.
     pub left_out: Vec<Place>,
 }
 
-/// What the pieces of a part showed as they came, and their stream where nobody else takes it.
+/// Findings of the blocks of a part, and their stream if it is not handed on.
 #[derive(Clone, Debug)]
 pub struct LaidPart {
     /// The stream.
@@ -81,14 +81,15 @@ impl Default for LaidPart {
 }
 
 impl LaidPart {
-    /// Looks at the next piece.
+    /// Adds the next block.
     pub fn look_at(&mut self, piece: &SegmentStream, settings: &Settings) {
         self.laid = self.laid.with(piece, settings);
     }
 }
 
 impl Planned {
-    /// Of an outline, a run of waypoints or a surface that took `plan_s` seconds; `notes` are those of reading it.
+    /// For an outline, a run of waypoints or a surface that took `plan_s` seconds; `notes` are those of reading
+    /// it.
     pub fn of_plan(
         plan: Plan,
         plan_s: f64,
@@ -180,7 +181,7 @@ impl Planned {
         }
     }
 
-    /// The outline of a layer; nothing where it is not known.
+    /// The outline of a layer; empty if it is not known.
     pub fn outline_of(&self, layer: u32) -> &[Region] {
         match self.layer_outlines.is_empty() {
             true => &self.outline,
@@ -188,7 +189,7 @@ impl Planned {
         }
     }
 
-    /// Gives the machine the ranges of its own joints again: what a board knows it by.
+    /// Restores the ranges of the machine's own joints, by which a board identifies it.
     pub fn restore_joints(&mut self) {
         let Some(own) = self.own_joints.take() else {
             return;

@@ -38,7 +38,7 @@ pub struct LeftOut {
 
 /// What is planned together.
 pub(crate) struct Stack<'a> {
-    /// The different outlines without what is kept out.
+    /// The different outlines without the keep-outs.
     pub outlines: Vec<Vec<Region>>,
     /// The kinds of layer, each of one of the outlines.
     pub kinds: Vec<LayerKind>,
@@ -46,13 +46,13 @@ pub(crate) struct Stack<'a> {
     pub layers: Vec<StackLayer>,
     /// What is kept out, input coordinates.
     pub keep_out: &'a [Region],
-    /// Ground given up to that.
+    /// Area lost to that.
     pub kept_out_mm2: f64,
-    /// What a skirt goes around; `None` above the first layer.
+    /// The regions inside a skirt; `None` above the first layer.
     pub skirt_around: Option<&'a [Region]>,
-    /// How large the nozzle is by place, where the outlines lie in the chart of curved ground.
+    /// Size of the nozzle by position, if the outlines are in the chart of a curved surface.
     pub scale: Option<&'a ScaleField>,
-    /// Where the part lies on the machine.
+    /// Position of the part on the machine.
     pub transform: PartTransform,
     /// The head's pose before, at rest.
     pub start: [f64; CHANNELS],

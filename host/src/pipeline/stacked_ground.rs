@@ -63,7 +63,8 @@ fn cells_of(plan: &Plan, print: usize, edge_mm: f64) -> Vec<[i32; 2]> {
         .collect()
 }
 
-/// Most layers on which a cell is open, and the ground that is open on half of `layers` or more, mm².
+/// The largest number of layers on which a cell is uncovered, and the area that is uncovered on half
+/// of `layers` or more, mm².
 pub fn stacked(cells: &OpenCells, layers: u32) -> (u32, f64) {
     let most = cells.values().max().copied().unwrap_or(0);
     let often = cells

@@ -16,7 +16,7 @@ use crate::plan::route::waypoint_route::waypoint_route;
 use crate::settings::Settings;
 
 /// Plans a run of waypoints: curve, route, segments, figures. Regions, curves and rasters stay
-/// empty. The lowest waypoint comes to lie one layer height above the bed.
+/// empty. The lowest waypoint is placed one layer height above the bed.
 ///
 /// # Errors
 /// [`PlanError`].

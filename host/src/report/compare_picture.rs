@@ -20,7 +20,7 @@ const COLOURS: [&str; 2] = ["#0f766e", "#94a3b8"];
 pub struct Bar<'a> {
     /// What it is.
     pub label: &'a str,
-    /// Duration of the print; none where it cannot be printed.
+    /// Duration of the print; `None` if it cannot be printed.
     pub seconds: Option<f64>,
     /// An SVG document.
     pub layer: Option<&'a str>,

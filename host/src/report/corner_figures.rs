@@ -16,7 +16,7 @@ pub struct CornerFigures {
     pub axis_off_deg: f64,
     /// Largest angle between a heading that is given and that of the print.
     pub heading_off_deg: f64,
-    /// Corners of the path where the head comes to rest all the same.
+    /// Corners of the path where the head still comes to rest.
     pub rests: u64,
 }
 

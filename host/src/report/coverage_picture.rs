@@ -10,7 +10,7 @@ use svg::node::element::Path;
 /// Most cells along a side of the picture; finer rasters are drawn in blocks.
 const SIDE_MAX: usize = 2000;
 
-/// What happened to a cell. Of several in one block the greatest is drawn.
+/// State of a cell. Of several in one block the greatest is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Cell {
     /// Outside and empty.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct CurvedLayerFigures {
     /// Flat layers.
     pub flat_layers: u64,
-    /// Curved layers; each piece of the top has its own.
+    /// Curved layers; each connected part of the top has its own.
     pub curved_layers: u64,
     /// Volume between the printed top and the part's, were all layers flat.
     pub stair_error_flat_mm3: f64,

@@ -19,9 +19,9 @@ pub struct SlowPlaceFigures {
     pub x_mm: f64,
     /// Where it begins.
     pub y_mm: f64,
-    /// How long it takes.
+    /// Its duration.
     pub seconds: f64,
-    /// The limit that takes most of that.
+    /// The limit with the largest share of that.
     pub limit: String,
     /// Layer from 0; unknown in jobs of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -33,7 +33,7 @@ pub struct SlowPlaceFigures {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Figures {
-    /// The figures in words; of what is shown, never of what a job file holds.
+    /// The figures in words; for displayed figures, never for those in a job file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<VerdictFigures>,
     /// What keeps the job from being good, one line each; it was allowed where there is a job all the same.
@@ -48,7 +48,7 @@ pub struct Figures {
     /// Layers that follow the top of a part, where there are some.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub curved_layers: Option<CurvedLayerFigures>,
-    /// Those that are planned alike, by their first one.
+    /// Layer groups, by their first layer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layer_kinds: Option<Vec<KindFigures>>,
     /// `covered_pct` of the layer that has the least.
@@ -66,43 +66,44 @@ pub struct Figures {
     /// Share of the reachable part that is covered.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub covered_of_reachable_pct: Option<f64>,
-    /// How far any placed aperture leaves the outline, on the finished segments.
+    /// Largest depth of a placed aperture outside the outline, on the finished segments.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outside_depth_mm: Option<f64>,
     /// Share of the outline that is swept more than once.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub overlap_pct: Option<f64>,
-    /// Ground of the outline that keep-outs take; the shares are of what is left.
+    /// Area of the outline lost to keep-outs; the shares are of the rest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kept_out_mm2: Option<f64>,
     /// Ground inside the walls that infill lines are to cover.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub infill_mm2: Option<f64>,
-    /// Share of that which is covered: the density that came out.
+    /// Covered share of that: the resulting density.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub infill_covered_pct: Option<f64>,
-    /// What of the ground, all layers together, is open on purpose between the lines of a sparse infill.
+    /// Area of all layers that is open on purpose between the lines of a sparse infill.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sparse_mm2: Option<f64>,
-    /// Share of that which is covered.
+    /// Covered share of that.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sparse_covered_pct: Option<f64>,
-    /// Share of all other ground of the outline that is covered, where some is sparse.
+    /// Covered share of all other area of the outline, if some is sparse.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solid_covered_pct: Option<f64>,
     /// Boundary length that no aperture inside can touch.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unreachable_mm: Option<f64>,
-    /// Largest piece of ground in one that nothing covers, of the layers that are to be filled.
+    /// Largest connected uncovered area of the layers that are to be filled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open_largest_mm2: Option<f64>,
-    /// Most layers on which the same tenth of a millimetre is open, away from the outline.
+    /// Largest number of layers on which the same tenth of a millimetre is uncovered, away from the
+    /// outline.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open_ground_stacked_max_layers: Option<u64>,
-    /// Such ground that is open on half of the layers or more.
+    /// Such area that is uncovered on half of the layers or more.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open_ground_stacked_mm2: Option<f64>,
-    /// Ground that hangs farther than half a bead over what is below, all layers of a part.
+    /// Area that extends farther than half a bead beyond the layer below, all layers of a part.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub overhang_mm2: Option<f64>,
     /// By layer, the most first.
@@ -120,13 +121,13 @@ pub struct Figures {
     /// Retract, travel and prime between two passes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow_interruptions: Option<u64>,
-    /// Travels between passes that leave the outline on their way.
+    /// Travels between passes that leave the outline.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outline_crossings: Option<u64>,
-    /// Way of the tip on which nozzle or head touch the table or what is printed.
+    /// Length of the tip's path on which nozzle or head collide with the table or the print.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub touched_mm: Option<f64>,
-    /// How far the nozzle's flat end dips into what is printed, at most.
+    /// Largest dip of the nozzle's flat end into the print.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tip_dip_max_mm: Option<f64>,
     /// Corners of a run of waypoints, where they are to be rounded.
@@ -135,7 +136,7 @@ pub struct Figures {
     /// Tip path with flow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub print_mm: Option<f64>,
-    /// What of the printing path lies around the part: skirt and brim.
+    /// Printing path around the part: skirt and brim.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub skirt_mm: Option<f64>,
     /// Tip path without flow.
@@ -144,7 +145,7 @@ pub struct Figures {
     /// Duration of the job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub print_s: Option<f64>,
-    /// The same part with another nozzle, where that was asked for.
+    /// The same part with another nozzle, if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against: Option<AgainstFigures>,
     /// The same without limits of the joints' jerk.
@@ -156,10 +157,11 @@ pub struct Figures {
     /// What the passes deposit; primes and retracts are not in it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_mm3: Option<f64>,
-    /// Time, volume and way by kind of bead: walls, solid, sparse, bridge, skirt; travel and standing.
+    /// Time, volume and path length by kind of bead: walls, solid, sparse, bridge, skirt; travel and
+    /// rests.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub by_kind: Option<BTreeMap<String, UseFigures>>,
-    /// Time and volume by layer, those that take longest first, at most a thousand.
+    /// Time and volume by layer, the longest first, at most a thousand.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub by_layer: Option<Vec<LayerFigures>>,
     /// Mass of the passes, where the material's density is known.
@@ -171,7 +173,7 @@ pub struct Figures {
     /// Length of the filament, where its diameter is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub filament_mm: Option<f64>,
-    /// Layers that were slowed to last as long as is asked.
+    /// Layers that were slowed to the requested minimum time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slowed_layers: Option<u64>,
     /// Those of them that are over too soon all the same.
@@ -180,10 +182,11 @@ pub struct Figures {
     /// The layer that takes longest, of several, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layer_time_longest_s: Option<f64>,
-    /// Layers that take longer than is allowed.
+    /// Layers that take longer than permitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub late_layers: Option<u64>,
-    /// Most that a bead gets on the outside of a curve against the inside; 100 where the inside stands still.
+    /// Largest ratio of a bead's material on the outside of a curve to that on the inside; 100 if the inside
+    /// is at rest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outer_inner_ratio_max: Option<f64>,
     /// Where that is, input coordinates.
@@ -219,7 +222,7 @@ pub struct Figures {
     /// Worst jerk over its share of the limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limit_ratio_jerk: Option<f64>,
-    /// Share of the printing time at each limit; "none" is what no limit binds.
+    /// Share of the printing time at each limit; "none" is the share at no limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_share_by_limit: Option<BTreeMap<String, f64>>,
     /// The five places of about a millimetre that take longest, the slowest first.
@@ -234,10 +237,10 @@ pub struct Figures {
     /// Heading of the simulated steps against the plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heading_error_mrad_max: Option<f64>,
-    /// What half a step of every joint can make at the tip.
+    /// Effect of half a step of every joint at the tip.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub half_step_um_max: Option<f64>,
-    /// What half a step of every joint can make in heading.
+    /// Effect of half a step of every joint on the heading.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub half_step_mrad_max: Option<f64>,
     /// Input shapers' path from the planned one, where joints are shaped; the errors above are from theirs.
@@ -267,7 +270,7 @@ pub struct Figures {
     /// Times the controller ran out of segments.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub underruns: Option<u64>,
-    /// Times the head came to rest on the path and went on.
+    /// Times the head came to rest on the path and continued.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub holds: Option<u64>,
     /// Faults latched.
@@ -279,7 +282,7 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Pretty JSON. Numbers that are not finite become `null` there; none should be.
+    /// Pretty JSON. Numbers that are not finite become `null`; there should be none.
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).unwrap_or_else(|_| "{}".to_string())
     }

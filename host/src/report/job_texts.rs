@@ -35,7 +35,7 @@ struct LayerOutlinesText {
 }
 
 impl LayerOutlines {
-    /// Of layers with their numbers; none where all have the same one.
+    /// From layers with their numbers; empty if all have the same outline.
     pub fn of<'a>(layers: impl Iterator<Item = (u32, &'a [Region])>) -> LayerOutlines {
         let mut all = LayerOutlines::default();
         for (number, regions) in layers.filter(|(_, regions)| !regions.is_empty()) {
@@ -52,12 +52,12 @@ impl LayerOutlines {
         }
     }
 
-    /// True where the layers have one outline, or none is known.
+    /// True if the layers have one outline, or none is known.
     pub fn is_empty(&self) -> bool {
         self.of_layer.is_empty()
     }
 
-    /// The outline of a layer; nothing where it is not known.
+    /// The outline of a layer; empty if it is not known.
     pub fn of_layer(&self, layer: u32) -> &[Region] {
         let outline = self.of_layer.get(&layer);
         let outline = outline.and_then(|&outline| self.outlines.get(outline));
@@ -80,7 +80,7 @@ impl LayerOutlines {
         serde_json::to_string(&text).unwrap_or_default()
     }
 
-    /// What [`LayerOutlines::to_json`] wrote; `None` where it is something else.
+    /// The output of [`LayerOutlines::to_json`]; `None` if it is something else.
     pub fn from_json(text: &str) -> Option<LayerOutlines> {
         let text: LayerOutlinesText = serde_json::from_str(text).ok()?;
         Some(LayerOutlines {
@@ -110,7 +110,7 @@ fn region_texts(regions: &[Region]) -> Vec<RegionText> {
     regions.collect()
 }
 
-/// What [`outline_to_json`] wrote; `None` where it is something else.
+/// The output of [`outline_to_json`]; `None` if it is something else.
 pub fn outline_from_json(text: &str) -> Option<Vec<Region>> {
     Some(regions_of(serde_json::from_str(text).ok()?))
 }

@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What was laid inside the walls of a layer.
+/// Infill inside the walls of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Inside {
@@ -15,11 +15,11 @@ pub enum Inside {
     Loops,
     /// Lines in some regions and loops in others.
     LinesAndLoops,
-    /// The walls leave no ground, or it stays open.
+    /// The walls leave no area, or it stays uncovered.
     Nothing,
 }
 
-/// Ground of a layer, by a place in it; input coordinates.
+/// An area of a layer, by a point in it; input coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LayerPlace {
@@ -33,7 +33,7 @@ pub struct LayerPlace {
     pub area_mm2: f64,
 }
 
-/// What the layers of one kind came to; only of jobs with several layers.
+/// Figures of the layers of one group; only for jobs with several layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct KindFigures {
@@ -41,28 +41,28 @@ pub struct KindFigures {
     pub first_layer: u32,
     /// How many they are.
     pub layers: u32,
-    /// Density that was asked for inside the walls.
+    /// Requested density inside the walls.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub infill_density_pct: Option<f64>,
     /// Direction of the lines there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub infill_angle_deg: Option<f64>,
-    /// What was laid there.
+    /// The infill there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inside: Option<Inside>,
-    /// Density that came out.
+    /// Resulting density.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub infill_covered_pct: Option<f64>,
     /// Share of the outline that is covered.
     pub covered_pct: f64,
     /// Share of the outline that is swept more than once on the layer.
     pub overlap_pct: f64,
-    /// How far any placed aperture leaves the outline.
+    /// Largest depth of a placed aperture outside the outline.
     pub outside_depth_mm: f64,
 }
 
 impl KindFigures {
-    /// What was laid inside the walls, for the eye; `None` where there are no walls.
+    /// The infill inside the walls, as text; `None` if there are no walls.
     pub fn inside_text(&self) -> Option<String> {
         let (pct, deg) = (self.infill_density_pct?, self.infill_angle_deg?);
         let lines = format!("{pct} % lines at {deg:.0}°");
@@ -93,7 +93,7 @@ impl KindFigures {
     }
 }
 
-/// What is spent on one kind of bead, on travel or on standing.
+/// Time and material for one kind of bead, for travel or rests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct UseFigures {
@@ -105,7 +105,7 @@ pub struct UseFigures {
     pub way_mm: f64,
 }
 
-/// What a layer takes.
+/// Time and material of a layer.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LayerFigures {

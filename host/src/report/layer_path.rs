@@ -28,7 +28,7 @@ const LOOKS: u64 = 4;
 pub enum What {
     /// Beads along the outline and its medial axis.
     Wall,
-    /// Lines of filled ground.
+    /// Lines of solid infill.
     Solid,
     /// Lines of a sparse infill.
     Sparse,
@@ -38,11 +38,11 @@ pub enum What {
     Skirt,
     /// Supports, of a slicer's file.
     Support,
-    /// A bead of which no more is known.
+    /// A bead of unknown kind.
     Bead,
     /// Moving without flow.
     Travel,
-    /// Standing while the material comes.
+    /// At rest during the prime.
     Prime,
     /// Standing while it is pulled back.
     Retract,
@@ -66,7 +66,7 @@ impl What {
         What::Hold,
     ];
 
-    /// Of a move; `bead` where it prints.
+    /// For a move; `bead` if it prints.
     pub fn of(state: MotionState, bead: What) -> What {
         match state {
             MotionState::Print => bead,
@@ -139,15 +139,15 @@ pub struct PathOf<'a> {
     pub index: &'a StreamIndex<'a>,
     /// From machine to input coordinates.
     pub transform: &'a PartTransform,
-    /// Half of the aperture's length: how far a turn moves its end, mm.
+    /// Half of the aperture's length, which is the radius of its end in a turn, mm.
     pub reach_mm: f64,
     /// First and last servo tick.
     pub ticks: [u64; 2],
-    /// Most points, beside the two ends of every move.
+    /// Maximum number of points, in addition to the two ends of every move.
     pub points_max: usize,
 }
 
-/// Follows the path; `facts` says of each point that is kept what is done from it on, and its line.
+/// Follows the path; `facts` gives for each kept point the kind of motion from it on, and its line.
 pub fn layer_path(
     of: PathOf,
     mut facts: impl FnMut(&Mark, &PathPoint) -> (What, u32),

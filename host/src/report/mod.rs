@@ -49,7 +49,7 @@ pub struct Report<'a> {
     pub figures: &'a Figures,
     /// Sheets of layers; the first has the plain file names.
     pub layers: Vec<LayerSheets<'a>>,
-    /// Layers of which only the motion is known; the page alone shows them.
+    /// Layers of which only the motion is known; only the page shows them.
     pub more_layers: Vec<PageLayer<'a>>,
     /// The path in space, where the tool tilts.
     pub space: Option<SpacePicture>,
@@ -59,7 +59,7 @@ pub struct Report<'a> {
     pub notes: &'a [String],
     /// The machine around the path, where its tool can tilt.
     pub machine: Option<MachineLinks>,
-    /// What the page is given of the whole job.
+    /// The page's data about the complete job.
     pub facts: PageFacts,
     /// Rate of the servo ticks.
     pub servo_hz: f64,
@@ -82,7 +82,7 @@ pub struct Place {
     pub x_mm: f64,
     /// Where, input coordinates.
     pub y_mm: f64,
-    /// The lowest layer that has it, from 0; `None` where it is not known.
+    /// The lowest layer that has it, from 0; `None` if it is not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layer: Option<u32>,
 }
@@ -92,7 +92,7 @@ pub struct Place {
 pub struct LayerSheets<'a> {
     /// Layer from 0.
     pub layer: u32,
-    /// Which layer that is and which are like it; empty where there is only one.
+    /// The number of the layer and those identical to it; empty if there is only one.
     pub label: &'a str,
     /// Outline, axis, passes, nozzle outlines.
     pub plan: PlanPicture<'a>,

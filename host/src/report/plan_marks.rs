@@ -39,7 +39,7 @@ pub enum Colouring {
     Speed,
     /// The bead's width.
     Width,
-    /// The heading, those that lay the same alike.
+    /// The heading, with the same colour for equivalent ones.
     Heading,
 }
 

@@ -53,7 +53,7 @@ pub enum Zone {
     Infill,
     /// Around the part.
     Skirt,
-    /// Not known: a job file does not say.
+    /// Not known: a job file does not contain it.
     Unknown,
 }
 
@@ -62,7 +62,7 @@ pub enum Zone {
 pub struct PicturePass {
     /// Placements along it, with the zone of each.
     pub placements: Vec<(Configuration, Zone)>,
-    /// The tip's speed at each; empty where it is not known.
+    /// The tip's speed at each; empty if it is not known.
     pub speeds_mm_s: Vec<f64>,
 }
 
@@ -73,7 +73,7 @@ pub struct PlanPicture<'a> {
     pub title: &'a str,
     /// The outline.
     pub regions: &'a [Region],
-    /// What nozzle and body keep out of.
+    /// Keep-outs of nozzle and body.
     pub keep_out: &'a [Region],
     /// The nozzle.
     pub aperture: Aperture,
@@ -83,7 +83,7 @@ pub struct PlanPicture<'a> {
     pub passes: Vec<PicturePass>,
     /// Travel moves between passes.
     pub travel: Vec<Vec<Point2>>,
-    /// Boundary pieces that no placement inside touches.
+    /// Parts of the boundary that no placement inside touches.
     pub unreachable: Vec<Vec<Point2>>,
     /// What the passes' lines are coloured by.
     pub colouring: Colouring,

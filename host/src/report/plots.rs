@@ -36,14 +36,14 @@ pub struct Panel {
     pub curves: Vec<Curve>,
 }
 
-/// The whole sheet.
+/// The complete sheet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimePlots {
     /// Title of the sheet.
     pub title: String,
     /// Length of the time axis.
     pub duration_s: f64,
-    /// (from s, to s, what the head does), for the background.
+    /// (from s, to s, state of the head), for the background.
     pub bands: Vec<(f64, f64, MotionState)>,
     /// Panels from the top.
     pub panels: Vec<Panel>,

@@ -89,7 +89,7 @@ pub fn moments_within(
     moments_of(spans, &stream.marks, servo_hz, every_ticks, ticks)
 }
 
-/// Where the spans of a stream begin, so that a layer far behind is found without going through all before it.
+/// Start of each span of a stream, so that a later layer is found without iterating over all earlier ones.
 #[derive(Clone, Debug)]
 pub struct StreamIndex<'a> {
     stream: &'a SegmentStream,
@@ -214,7 +214,7 @@ pub fn write_row(
     )
 }
 
-/// Writes the whole table, one row every `every_ms` of segment time.
+/// Writes the complete table, one row every `every_ms` of segment time.
 pub fn write_csv(
     out: &mut impl Write,
     stream: &SegmentStream,

@@ -32,7 +32,7 @@ pub struct Track {
     pub joints_pct: Vec<(String, Vec<f32>)>,
     /// Position of each joint, mm or rad, continuous, at every so many samples; empty where no links are drawn.
     pub joints_at: Vec<Vec<f32>>,
-    /// How many samples lie between two of those positions.
+    /// Number of samples between two of those positions.
     pub joints_every: usize,
     /// Number of the limit that binds, or [`NO_LIMIT`].
     pub limit: Vec<u8>,
@@ -56,7 +56,7 @@ pub struct TrackOf<'a> {
     pub samples_max: u64,
 }
 
-/// Samples the motion; `limit_at` says which limit binds at so many ticks of a span.
+/// Samples the motion; `limit_at` gives the active limit at a tick of a span.
 pub fn track(of: TrackOf, limit_at: impl Fn(&Span, f64) -> Option<usize>) -> Track {
     let [from, end] = of.ticks;
     let every_ticks = (end - from).div_ceil(of.samples_max.max(2)).max(1);

@@ -13,8 +13,8 @@ const REASONS_SHOWN: usize = 3;
 /// Ground that lines cover less of has none.
 const HOLLOW_PCT: f64 = 2.0;
 
-/// The verdict; `more` are reasons that no figure holds, `is_cold` where neither machine file nor input say anything
-/// of heat.
+/// The verdict; `more` are reasons that are not in a figure, `is_cold` if neither machine file nor input contain
+/// heat.
 pub fn verdict(figures: &Figures, more: &[String], is_cold: bool) -> VerdictFigures {
     let objections = figures.objections.iter().flatten().cloned();
     let reasons: Vec<String> = objections

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct VerdictFigures {
-    /// Every reason not to start the job, one line each; none of a good one.
+    /// Every reason not to start the job, one line each; empty for a good one.
     pub reasons: Vec<String>,
-    /// Time, material, steps, limit, what stays open: a sentence each, of what is known.
+    /// Time, material, steps, limit, uncovered area: a sentence for each, as far as known.
     pub lines: Vec<String>,
 }
 
@@ -18,6 +18,6 @@ pub struct VerdictFigures {
 pub struct AgainstFigures {
     /// The nozzle.
     pub aperture: String,
-    /// Duration of the job with it; nothing where it cannot be printed with it.
+    /// Duration of the job with it; `None` if it cannot be printed with it.
     pub print_s: Option<f64>,
 }

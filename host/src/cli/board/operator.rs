@@ -25,11 +25,11 @@ use std::sync::mpsc::{Receiver, channel};
 /// What somebody wants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wish {
-    /// To stop at once.
+    /// Immediate stop.
     Stop,
     /// A command for the board.
     Control(Control),
-    /// Ctrl-C, for which time.
+    /// Ctrl-C, with its count.
     Interrupt(usize),
     /// The program is to end.
     End,
@@ -40,7 +40,7 @@ pub(crate) enum Wish {
 /// The people at the terminal and at the page, and what was switched on for them.
 pub(crate) struct Operator<'a> {
     port: &'a PortArgs,
-    /// Where they are told.
+    /// The console for messages.
     pub console: &'a Console,
     lines: Option<Receiver<String>>,
     live: Option<(LivePrint, PageClock)>,

@@ -38,7 +38,7 @@ const UPRIGHT_COS: f64 = 0.999_99;
 /// A layer that is drawn for all that are like it.
 pub(crate) struct ShownLayer {
     pub layer: u32,
-    /// Which it is and which are like it; empty where there is only one.
+    /// Its number and the layers identical to it; empty if there is only one.
     pub label: String,
     plan_title: String,
     coverage_title: String,

@@ -21,7 +21,7 @@ pub(super) enum Asked {
 /// Why a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Refused {
-    /// No token, a wrong one, another host or another origin: no word of which.
+    /// No token, a wrong one, another host or another origin, without distinction.
     Forbidden,
     NotFound,
     Method,

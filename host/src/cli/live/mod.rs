@@ -75,7 +75,7 @@ pub(crate) struct Snapshot {
     pub heaters: Vec<serde_json::Value>,
     pub fan_percent: f64,
     pub queue_knots: u16,
-    /// What was said last, a refusal or a fault.
+    /// The last message, a refusal or a fault.
     pub said: String,
     /// Why the log can no longer be written, from then on.
     pub log_problem: Option<String>,

@@ -14,7 +14,7 @@ use std::time::UNIX_EPOCH;
 /// A folder of pieces, or none.
 pub(crate) struct CacheFolder {
     folder: Option<PathBuf>,
-    /// What the user is to know of it.
+    /// Notes for the user.
     pub notes: Vec<String>,
     /// Pieces that were there.
     pub found: usize,

@@ -9,7 +9,7 @@ use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_protocol::units::{CHANNEL_Z, CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
 use thiserror::Error;
 
-/// Least height above the print while the head crosses it, mm: what a part warps up by, and a blob.
+/// Least height above the print while the head crosses it, mm: for warping of the part and blobs.
 pub const CLEARANCE_MM: f64 = 5.0;
 /// Height that has to do under the upper end of Z, mm.
 const CLEARANCE_LEAST_MM: f64 = 1.0;
@@ -18,7 +18,7 @@ const JOINT_Z: usize = 2;
 /// Tilt among the channels.
 const CHANNEL_TILT: usize = CHANNEL_Z + 1;
 
-/// The way.
+/// The approach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
     /// Above the start, clear of the print; base units, as commands have.
@@ -29,7 +29,7 @@ pub struct Approach {
     pub above_mm: f64,
 }
 
-/// Why there is no way.
+/// Why there is no approach.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ApproachError {
     /// No joint lifts straight up.
@@ -50,7 +50,7 @@ pub enum ApproachError {
     },
 }
 
-/// The way to `start`, in base units, above what is printed.
+/// The approach to `start`, in base units, above the print.
 ///
 /// # Errors
 /// [`ApproachError`].

@@ -33,20 +33,20 @@ const LAYER_MM: f64 = 0.2;
 pub struct Resumption {
     /// What is left of the job.
     pub rest: Rest,
-    /// The way to its start.
+    /// The approach to its start.
     pub way: Approach,
-    /// How much of it is what.
+    /// Amounts of its parts.
     pub parts: Parts,
 }
 
-/// What of a job is left out, printed again, and to come.
+/// Amounts of a job that are omitted, printed again, and remaining.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Parts {
     /// Before the pass.
     pub left_out: Printed,
-    /// From the pass's start to where the board said to be.
+    /// From the pass's start to the board's last reported position.
     pub again: Printed,
-    /// From there to what was sent to it.
+    /// From there to the end of the sent frames.
     pub perhaps_again: Printed,
     /// From the pass's start on.
     pub to_come: Printed,
@@ -58,13 +58,13 @@ pub enum ResumeError {
     /// There is nothing to begin with.
     #[error(transparent)]
     Rest(#[from] RestError),
-    /// There is no way to it.
+    /// There is no approach to it.
     #[error(transparent)]
     Approach(#[from] ApproachError),
 }
 
-/// A job from a pass on, and the way there. `reached` is what a log says; without one the pass's whole layer is
-/// taken to be there.
+/// A job from a pass on, and the approach to it. `reached` is the progress from a log; without one the pass's
+/// complete layer is assumed to exist.
 ///
 /// # Errors
 /// [`ResumeError`].

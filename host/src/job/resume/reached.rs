@@ -14,17 +14,17 @@ use thiserror::Error;
 pub struct LoggedStream {
     /// Identity of the stream.
     pub job: u32,
-    /// The job that it is what was left of, and from which of its passes on.
+    /// The job that it resumed, and the pass from which it did.
     pub rest_of: Option<(u32, u32)>,
-    /// Spans that the board has said to be done.
+    /// Spans that the board has reported as done.
     pub spans_done: u32,
     /// Frames that were sent: the board may have them all.
     pub frames_sent: u32,
-    /// The board has said that it is at the end.
+    /// The board has reported the end.
     pub finished: bool,
     /// The log ends within a line.
     pub is_torn: bool,
-    /// The stream went on where the log ends (its last line says so).
+    /// The stream continued after the end of the log (as its last line states).
     pub went_on: bool,
 }
 
@@ -35,13 +35,13 @@ const BEHIND_TICKS: u64 = 2 * LINE_TICKS as u64;
 /// How far, servo ticks of the job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reached {
-    /// The board has said that it is done up to here.
+    /// The board has reported that it is done up to here.
     pub done_tick: u64,
     /// It was sent up to here, and may have printed that.
     pub sent_tick: u64,
 }
 
-/// Why a log says nothing of a job.
+/// Why a log gives no progress of a job.
 #[derive(Debug, Error, PartialEq)]
 pub enum ReachedError {
     /// The log of another job.
@@ -100,7 +100,7 @@ impl Reached {
         })
     }
 
-    /// The pass that is not whole; the next one between two passes.
+    /// The incomplete pass; between two passes the next one.
     ///
     /// # Errors
     /// [`RestError::NothingLeft`].

@@ -39,7 +39,7 @@ pub struct Rest {
     pub cut_tick: u64,
     /// Ticks of the rest before that place.
     pub lead_ticks: u64,
-    /// A prime was put before the pass, which has none of its own.
+    /// A prime was added before the pass, which has none of its own.
     pub primed: bool,
 }
 
@@ -98,7 +98,7 @@ pub enum RestError {
     },
 }
 
-/// The pass that is not whole where the stream is done up to a tick; the next one between two passes.
+/// The incomplete pass of a stream that is done up to a tick; between two passes the next one.
 ///
 /// # Errors
 /// [`RestError::NothingLeft`].
@@ -109,7 +109,7 @@ pub fn pass_at(stream: &SegmentStream, done_tick: u64) -> Result<u32, RestError>
     first.ok_or(RestError::NothingLeft)
 }
 
-/// The first pass of a layer that is counted from 1.
+/// The first pass of a layer, counted from 1.
 ///
 /// # Errors
 /// [`RestError::NoLayer`].
@@ -309,7 +309,7 @@ pub fn printed_between(stream: &SegmentStream, ticks: [u64; 2], servo_hz: f64) -
     printed
 }
 
-/// Highest tip of what is printed before a tick, mm; `None` where nothing is.
+/// Highest tip position of the print before a tick, mm; `None` if there is none.
 pub fn printed_top_mm(stream: &SegmentStream, before_tick: u64) -> Option<f64> {
     let mut top_mm = None;
     for_printing_spans(stream, [0, before_tick], |span, _| {
@@ -320,10 +320,10 @@ pub fn printed_top_mm(stream: &SegmentStream, before_tick: u64) -> Option<f64> {
     top_mm
 }
 
-/// Refuses a pass that lies on itself: its start is below what it has printed.
+/// Refuses a pass that is on top of itself: its start is below its own print.
 ///
 /// # Errors
-/// [`RestError::Stacked`] where it comes back to a place by more than half a layer and a cell's slope higher.
+/// [`RestError::Stacked`] if it returns to a place higher by more than half a layer and a cell's slope.
 pub fn check_flat(
     stream: &SegmentStream,
     pass: u32,

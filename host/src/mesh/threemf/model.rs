@@ -45,7 +45,7 @@ pub(super) struct Model {
 pub(super) struct Object {
     pub id: usize,
     pub name: Option<String>,
-    /// Its `type`; empty where it has none.
+    /// Its `type`; empty if it has none.
     pub kind: String,
     pub vertices: Vec<Point3>,
     pub triangles: Vec<[u32; 3]>,
@@ -59,14 +59,14 @@ pub(super) struct Object {
 #[derive(Clone, Debug)]
 pub(super) struct Item {
     pub object: usize,
-    /// The model file that has the object, where it is another one.
+    /// The model file with the object, if it is another one.
     pub path: Option<String>,
     pub transform: Transform,
     pub is_printable: bool,
 }
 
 impl Object {
-    /// The role that its type or what Cura keeps with it gives it.
+    /// The role given by its type or by Cura's settings.
     pub fn role(&self) -> Role {
         match self.kind.as_str() {
             "support" => Role::Support,

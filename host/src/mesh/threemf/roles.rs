@@ -19,11 +19,11 @@ pub(super) enum Role {
     Part,
     /// Cut away from the material of its object.
     Negative,
-    /// Other settings where it lies.
+    /// Other settings within it.
     Modifier,
-    /// No supports where it lies.
+    /// No supports within it.
     SupportBlocker,
-    /// Supports where it lies.
+    /// Supports within it.
     SupportEnforcer,
     /// Supports by hand.
     Support,
@@ -56,7 +56,8 @@ impl Role {
         }
     }
 
-    /// By the settings that Cura gives an object. A cutting mesh prints only where other ones are.
+    /// From the settings that Cura gives an object. A cutting mesh prints only where other ones
+    /// are.
     pub fn of_cura(settings: &[(String, String)]) -> Role {
         let is_on = |name: &str| {
             let mut given = settings.iter().filter(|(key, _)| key == name);
@@ -77,9 +78,9 @@ impl Role {
 /// A volume of an object.
 #[derive(Debug, Default)]
 pub(super) struct Volume {
-    /// The component that it is, where it is one.
+    /// Its component, if it is one.
     pub component: Option<usize>,
-    /// The first and last of the object's triangles that it has, where it is some.
+    /// The first and last of its triangles in the object, if it is a range.
     pub triangles: Option<[usize; 2]>,
     pub role: Role,
     pub name: Option<String>,

@@ -37,7 +37,7 @@ impl Tag<'_> {
         Some(value.unwrap_or_else(|_| lossy(&found.value)))
     }
 
-    /// Numbers of attributes, all in one look: there are millions of these elements.
+    /// Numbers of attributes, all in one scan: there are millions of these elements.
     pub fn numbers<const N: usize, T: FromStr + Copy + Default>(
         &self,
         names: [&str; N],

@@ -17,7 +17,7 @@ const VOLUME_TOLD_PCT: f64 = 0.5;
 /// Length at other widths that is told, mm.
 const OFF_TOLD_MM: f64 = 0.1;
 
-/// Looks a plan over that took `plan_s` seconds, made with these settings.
+/// Findings of a plan that took `plan_s` seconds, made with these settings.
 pub fn gcode_findings(
     program: &GcodeProgram,
     planned: &GcodePlan,

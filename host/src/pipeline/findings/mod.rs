@@ -43,14 +43,14 @@ const PLACES_TOLD: usize = 3;
 /// Places of unreachable boundary that the figures list.
 const PLACES_LISTED: usize = 1000;
 
-/// What a plan came to.
+/// Findings of a plan.
 #[derive(Clone, Debug)]
 pub struct Findings {
     /// Its figures.
     pub figures: Figures,
     /// What keeps it from being good.
     pub objections: Vec<Objection>,
-    /// What the user should look at before printing, one line each.
+    /// Warnings to check before printing, one line each.
     pub warnings: Vec<String>,
     /// Boundary that cannot be touched.
     pub unreachable: Vec<UnreachableRun>,
@@ -58,7 +58,7 @@ pub struct Findings {
     pub left_out: Vec<Place>,
 }
 
-/// Looks a plan over that took `plan_s` seconds.
+/// Findings of a plan that took `plan_s` seconds.
 pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
     let unreachable = match (&plan.on_surface, &plan.curved_layers) {
         (Some(laid), _) => laid.unreachable.clone(),

@@ -13,18 +13,18 @@ use crate::settings::drivers::motor_names;
 use crate::settings::{Settings, joint_names};
 use headway_protocol::message::FaultCause;
 
-/// What an objection is about, by the name under which it may be allowed.
+/// Kind of an objection, by the name under which it may be allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObjectionKind {
-    /// Nozzle or head touches the table, the print or the surface.
+    /// Nozzle or head collides with the table, the print or the surface.
     Touches,
     /// A joint leaves its range.
     Range,
     /// A board would stop the job with a fault; not to be allowed.
     Fault,
-    /// A layer takes too long; refuses nothing unless that is asked for.
+    /// A layer takes too long; refuses the job only on request.
     LayerTime,
-    /// A bead's outside gets too much against its inside in a curve; refuses nothing unless that is asked for.
+    /// The ratio of outside to inside of a bead in a curve is too large; refuses the job only on request.
     Curves,
 }
 
@@ -49,7 +49,7 @@ impl ObjectionKind {
         }
     }
 
-    /// True for what refuses a job unless the user allows it.
+    /// True for objections that refuse a job unless the user allows them.
     pub fn can_be_allowed(self) -> bool {
         matches!(self, ObjectionKind::Touches | ObjectionKind::Range)
     }
@@ -70,7 +70,7 @@ impl Objection {
         }
     }
 
-    /// Of a simulated run that did not come to its end.
+    /// For a simulation that did not reach its end.
     pub fn of_run(problem: &str) -> Self {
         Objection {
             kind: ObjectionKind::Fault,
@@ -78,7 +78,7 @@ impl Objection {
         }
     }
 
-    /// Of what nozzle and head touch, if anything.
+    /// For collisions of nozzle and head, if any.
     pub fn of_touches(touches: &Touches, transform: &PartTransform) -> Option<Self> {
         run_notes::touches(touches, transform).map(|text| Objection {
             kind: ObjectionKind::Touches,
@@ -86,7 +86,7 @@ impl Objection {
         })
     }
 
-    /// Of a joint that leaves its range; `place` says how far and where.
+    /// For a joint that leaves its range; `place` gives distance and place.
     pub fn of_range(place: &str) -> Self {
         Objection {
             kind: ObjectionKind::Range,

@@ -49,10 +49,10 @@ pub fn simulation_figures(
     }
 }
 
-/// A fault, or steps that do not come to the plan's end, are no success.
+/// A fault, or steps that do not reach the plan's end, are a failure.
 ///
 /// # Errors
-/// What happened.
+/// The reason.
 pub fn outcome(dry_run: &DryRun) -> Result<(), String> {
     if let Some(fault) = &dry_run.simulation.fault {
         return Err(format!("the controller stopped with a fault: {fault}"));

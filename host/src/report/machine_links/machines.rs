@@ -18,7 +18,7 @@ const POST_MM: f64 = 9.0;
 /// Radius and length of a nozzle whose head has no shape, mm.
 const BARE_MM: [f64; 2] = [4.0, 60.0];
 
-/// What the links' looks are taken from, machine coordinates, mm.
+/// Dimensions for the links' appearance, machine coordinates, mm.
 pub struct Look {
     work_area_mm: [[f64; 3]; 2],
     head: Option<HeadShape>,

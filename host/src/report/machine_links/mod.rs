@@ -20,12 +20,12 @@ use serde::Serialize;
 /// Corners of a convex solid in its link's frame, mm.
 pub type Solid = Vec<[f64; 3]>;
 
-/// The links of a machine; the first is the ground, in the input's coordinates.
+/// The links of a machine; the first is the base, in the input's coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MachineLinks {
     /// Every link after its parent.
     pub links: Vec<Link>,
-    /// The link that the part lies on; its frame is the input's when all joints are at 0.
+    /// The link with the part; its frame is the input's when all joints are at 0.
     pub part: usize,
     /// The link of the nozzle: its origin is the tip, its Z the tool axis, its X the long axis.
     pub tool: usize,
@@ -34,7 +34,7 @@ pub struct MachineLinks {
 /// A link.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Link {
-    /// The link that carries it; the ground carries itself.
+    /// The link that carries it; the base carries itself.
     pub parent: usize,
     /// Origin in the parent's frame, mm.
     pub origin_mm: [f64; 3],
@@ -42,7 +42,7 @@ pub struct Link {
     pub rotation: [[f64; 3]; 3],
     /// What moves it in that frame.
     pub joint: Option<LinkJoint>,
-    /// What it looks like.
+    /// Its appearance.
     pub solids: Vec<Solid>,
 }
 
@@ -84,7 +84,8 @@ impl LinkJoint {
 }
 
 impl MachineLinks {
-    /// Of a machine; `None` for one whose tool never tilts: the drawing from above tells all of it.
+    /// For a machine; `None` for one whose tool never tilts: the drawing from above shows
+    /// everything.
     pub fn of(
         machine: &MachineConfiguration,
         settings: &Settings,
@@ -136,7 +137,8 @@ impl MachineLinks {
         self.links.len() - 1
     }
 
-    /// Frames of all links in the input's coordinates, ground fixed, for these joint positions (mm, rad).
+    /// Frames of all links in the input's coordinates, with the base fixed, for these joint positions
+    /// (mm, rad).
     pub fn frames(&self, joints: &[f64]) -> Vec<Isometry3<f64>> {
         let mut frames: Vec<Isometry3<f64>> = Vec::with_capacity(self.links.len());
         for (number, link) in self.links.iter().enumerate() {
@@ -156,7 +158,7 @@ impl MachineLinks {
         frames
     }
 
-    /// The tool's frame as seen from the part, input coordinates: what forward kinematics gives.
+    /// The tool's frame relative to the part, input coordinates: the result of forward kinematics.
     pub fn tool_on_part(&self, joints: &[f64]) -> Isometry3<f64> {
         let frames = self.frames(joints);
         frames[self.part].inverse() * frames[self.tool]
