@@ -215,7 +215,7 @@ fn driver_fault(f: &mut core::fmt::Formatter<'_>, fault: &Fault) -> core::fmt::R
     write!(f, "the driver of motor {index} ")?;
     match (fault.cause, value >> 8) {
         (FaultCause::DriverReset, _) => {
-            f.write_str("has started anew (is its supply steady?); it is set up again")
+            f.write_str("has restarted (is its supply stable?); it is set up again")
         }
         (FaultCause::DriverHot, _) => write!(f, "has switched off for heat ({value:#010x})"),
         (FaultCause::DriverShort, _) => write!(f, "has switched off for a short ({value:#010x})"),

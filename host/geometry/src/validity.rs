@@ -88,7 +88,7 @@ pub enum ValidityError {
         at_mm: [f64; 2],
     },
     /// A hole is outside the exterior, at least at this point.
-    #[error("hole {hole} lies outside the exterior at ({:.4}, {:.4}) mm", at_mm[0], at_mm[1])]
+    #[error("hole {hole} is outside the exterior at ({:.4}, {:.4}) mm", at_mm[0], at_mm[1])]
     HoleOutside {
         /// Which hole.
         hole: usize,
@@ -96,7 +96,7 @@ pub enum ValidityError {
         at_mm: [f64; 2],
     },
     /// A hole is inside another.
-    #[error("hole {hole} lies inside hole {outer} at ({:.4}, {:.4}) mm", at_mm[0], at_mm[1])]
+    #[error("hole {hole} is inside hole {outer} at ({:.4}, {:.4}) mm", at_mm[0], at_mm[1])]
     HoleInHole {
         /// The inner one.
         hole: usize,

@@ -62,6 +62,6 @@ pub enum Error {
     #[error("{0}")]
     Line(String),
     /// The progress callback stopped it.
-    #[error("stopped as asked; nothing is written")]
+    #[error("stopped on request; nothing is written")]
     Stopped,
 }

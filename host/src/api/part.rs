@@ -133,7 +133,7 @@ impl Part {
     ) -> Result<Part, Error> {
         if !matches!(self.what, What::Outline(_)) {
             return Err(Error::Part(
-                "only an outline is laid on a surface: give an outline".to_string(),
+                "only an outline is projected onto a surface: give an outline".to_string(),
             ));
         }
         self.surface = Some(read_surface(ending, bytes, reading)?);

@@ -93,7 +93,7 @@ pub enum InputError {
     #[error(transparent)]
     Gcode(#[from] GcodeError),
     /// Rotation of a flat input.
-    #[error("--rotate turns meshes: an outline lies in the layer's plane; turn it in the drawing")]
+    #[error("--rotate turns meshes: an outline is in the layer's plane; rotate it in the drawing")]
     NotTurned,
     /// Not a run of waypoints.
     #[error("not a readable waypoint file: {0}")]
@@ -153,7 +153,7 @@ pub enum InputError {
         distinct: usize,
     },
     /// A ring whose points are on a line.
-    #[error("{ring} near {at} encloses no area (its points lie on a line): remove it")]
+    #[error("{ring} near {at} encloses no area (its points are on a line): remove it")]
     NoArea {
         /// Which ring.
         ring: String,

@@ -78,7 +78,7 @@ pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
 pub(super) fn heat_note(orders: usize) -> Option<String> {
     (orders > 0).then(|| {
         format!(
-            "{orders} orders of heaters and fans are not kept on a path of tilts: set [material] in the machine file"
+            "{orders} heater and fan commands are not kept on a path with tilts: set [material] in the machine file"
         )
     })
 }

@@ -84,7 +84,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
     }
     if reader.heights > 0 {
         notes.push(format!(
-            "{} points have a third coordinate, which was passed over",
+            "{} points have a third coordinate, which was ignored",
             reader.heights
         ));
     }

@@ -132,7 +132,7 @@ impl Nurbs {
             let place = unit_mm * Vector3::new(x, y, z);
             if place.norm() > far_mm || !place.norm().is_finite() {
                 let problem =
-                    format!("control point {index} lies beyond {far_mm} mm: check the units");
+                    format!("control point {index} is beyond {far_mm} mm: check the units");
                 return Err(syntax(problem));
             }
             let place = weight * place;

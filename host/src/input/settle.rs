@@ -336,7 +336,10 @@ fn nest(
             });
         match home {
             Some(named) => named.region.holes.push(hole.ring),
-            None => notes.push(format!("{} is a hole in nothing; left out", hole.what)),
+            None => notes.push(format!(
+                "{} is a hole outside every exterior; ignored",
+                hole.what
+            )),
         }
     }
     if let [only] = regions.as_mut_slice() {

@@ -231,11 +231,11 @@ impl Reader {
             ));
         }
         if self.hidden > 0 {
-            notes.push(format!("{} hidden shapes were left out", self.hidden));
+            notes.push(format!("{} hidden shapes were ignored", self.hidden));
         }
         if self.clips > 0 {
             notes.push(format!(
-                "{} groups have a clip path or a mask, which was passed over",
+                "{} groups have a clip path or a mask, which was ignored",
                 self.clips
             ));
         }
@@ -302,7 +302,7 @@ fn unsupported_elements(xml: &roxmltree::Document) -> Vec<String> {
     .into_iter()
     .filter_map(|(name, advice)| match count(name) {
         0 => None,
-        n => Some(format!("{n} <{name}> elements were left out: {advice}")),
+        n => Some(format!("{n} <{name}> elements were ignored: {advice}")),
     })
     .collect()
 }

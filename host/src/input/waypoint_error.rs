@@ -80,7 +80,7 @@ pub enum WaypointError {
     },
     /// Farther than digits go.
     #[error(
-        "line {line} lies {} mm from the origin or the first waypoint, more than {max_mm:.0} mm: check its units",
+        "line {line} is {} mm from the origin or the first waypoint, more than {max_mm:.0} mm: check its units",
         Short(distance_mm.round())
     )]
     TooFar {

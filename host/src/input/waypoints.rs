@@ -432,7 +432,7 @@ impl Reader {
     fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if self.repeated > 0 {
-            notes.push(format!("{} repeated waypoints passed over", self.repeated));
+            notes.push(format!("{} repeated waypoints ignored", self.repeated));
         }
         if self.stretched > 0 {
             notes.push(format!(
@@ -442,7 +442,7 @@ impl Reader {
         }
         for line in &self.replaced {
             notes.push(format!(
-                "line {line}: the tool axis is no direction; it was laid between those of its neighbours"
+                "line {line}: the tool axis is not a direction; the mean of its neighbours is used"
             ));
         }
         notes

@@ -23,7 +23,7 @@ pub const EVENTS_AHEAD_MAX: usize = 4;
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum WireFramesError {
     /// The stream cannot be sent as it is: a fault of the planner.
-    #[error("flow event {index} lies in span {span}, but the stream has {knots} knots in order")]
+    #[error("flow event {index} is in span {span}, but the stream has {knots} knots in order")]
     EventOutOfOrder {
         /// Index of the event.
         index: usize,

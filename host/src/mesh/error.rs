@@ -49,7 +49,7 @@ pub enum MeshError {
     },
     /// No triangle is in the region that was asked for.
     #[error(
-        "no triangle of the surface is in the region that was asked for; its groups: {}",
+        "no triangle of the surface is in the requested region; its groups: {}",
         if groups.is_empty() { "none" } else { groups }
     )]
     NoSuchRegion {

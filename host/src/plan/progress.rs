@@ -52,7 +52,7 @@ impl Stage {
 
 /// The receiver of the progress has stopped planning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("stopped as asked")]
+#[error("stopped on request")]
 pub struct Stopped;
 
 /// A receiver of progress.

@@ -23,7 +23,7 @@ impl Figures {
                 number(self.outside_depth_mm.map(|v| v * 1e3), 2, "µm"),
             ),
             ("kept out", number(self.kept_out_mm2, 2, "mm²")),
-            ("infill ground", number(self.infill_mm2, 2, "mm²")),
+            ("infill area", number(self.infill_mm2, 2, "mm²")),
             ("infill density", number(self.infill_covered_pct, 2, "%")),
             ("left to sparse lines", number(self.sparse_mm2, 2, "mm²")),
             ("covered of that", number(self.sparse_covered_pct, 2, "%")),
@@ -98,7 +98,7 @@ impl Figures {
             ("passes", count(self.passes)),
             ("flow interruptions", count(self.flow_interruptions)),
             ("travels across the outline", count(self.outline_crossings)),
-            ("path with touches", number(self.touched_mm, 1, "mm")),
+            ("path with collisions", number(self.touched_mm, 1, "mm")),
             (
                 "flat end in the print",
                 number(self.tip_dip_max_mm, 2, "mm"),

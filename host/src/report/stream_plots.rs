@@ -77,7 +77,7 @@ pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) ->
                 of_joints(names, joints),
             ),
             panel(
-                "Joint positions, % of the way from the middle of the range to its ends",
+                "Joint positions, % of the distance from the middle of the range to its ends",
                 Some(100.0),
                 of_joints(names, places),
             ),

@@ -68,7 +68,7 @@ pub fn tiles(figures: &Figures) -> Vec<(&'static str, String)> {
             figures.volume_mm3.map(|v| format!("{v:.1} mm³")),
         ),
         match figures.solid_covered_pct {
-            Some(v) => ("Solid ground covered", Some(format!("{v:.1} %"))),
+            Some(v) => ("Solid area covered", Some(format!("{v:.1} %"))),
             None => ("Covered", figures.covered_pct.map(|v| format!("{v:.1} %"))),
         },
         (

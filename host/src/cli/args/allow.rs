@@ -3,26 +3,26 @@
 
 use clap::{Args, ValueEnum};
 
-/// What is taken although it is not good.
+/// Objections that do not refuse the job.
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Verdict")]
 pub(crate) struct AllowArgs {
-    /// What does not refuse the job, though it is still the first thing that is said of it.
+    /// Objections that do not refuse the job; they are still reported first.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT,...")]
     pub allow: Vec<AllowName>,
-    /// What refuses the job, though it is only reported else.
+    /// Findings that refuse the job, which are only reported otherwise.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT,...")]
     pub refuse: Vec<RefuseName>,
 }
 
-/// How much is said of a job.
+/// How much is reported about a job.
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Verdict")]
 pub(crate) struct VerdictArgs {
     /// All figures and notes, the verdict before and after them.
     #[arg(long)]
     pub figures: bool,
-    /// Plan the part with this nozzle as well and say how its time compares, as in --against circle:0.2.
+    /// Plan the part with this nozzle as well and compare the times, as in --against circle:0.2.
     #[arg(long, value_name = "APERTURE")]
     pub against: Option<String>,
 }
@@ -37,7 +37,7 @@ pub(crate) enum RefuseName {
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub(crate) enum AllowName {
-    /// Nozzle or head touches the table or the print.
+    /// Nozzle or head collides with the table or the print.
     Touches,
     /// A joint leaves its range: a board with the same machine file stops there.
     Range,

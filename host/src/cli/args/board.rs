@@ -46,39 +46,40 @@ pub(crate) struct StreamArgs {
     /// Part fan, per cent.
     #[arg(long, value_name = "PCT", help_heading = "Temperatures")]
     pub fan: Option<f64>,
-    /// How long a pause keeps its heat, minutes: then the heaters go off and the pause stays [default: the machine
-    /// file's material, or 120].
+    /// How long a pause keeps heaters on, minutes: then the heaters go off and the pause continues [default: the
+    /// machine file's material, or 120].
     #[arg(long, value_name = "MIN", help_heading = "Temperatures", value_parser = pause_minutes)]
     pub pause_heat_max_min: Option<f64>,
-    /// Leave heaters and fan as they are, whatever the job's machine file says, and let the extruder turn
-    /// below extrude_min_c in this run: for a run without material.
+    /// Do not change heaters and fan, whatever the job's machine file contains, and let the extruder turn
+    /// below extrude_min_c in this print: for a print without material.
     #[arg(long, help_heading = "Temperatures", conflicts_with_all = ["hot_end", "bed", "fan"])]
     pub no_heat: bool,
     /// Print over the bed of this mesh (headway board mesh), blended out above it.
     #[arg(long, value_name = "BED.toml")]
     pub mesh: Option<PathBuf>,
-    /// Go on with this job where the board has part of it.
+    /// Continue this job if the board has part of it.
     #[arg(long)]
     pub resume: bool,
-    /// Begin again after a power cut, at the start of the pass that was being printed: LOG is what --log wrote then;
-    /// or pass:N (from 0, as the progress tells it), or layer:N (from 1). Home the machine first.
+    /// Resume after a power failure, at the start of the pass that was being printed: LOG is the file of its --log;
+    /// or pass:N (from 0, as in the progress), or layer:N (from 1). Home the machine first.
     #[arg(long, value_name = "LOG", value_parser = parse_place, conflicts_with = "resume")]
     pub resume_from: Option<Place>,
-    /// With --resume-from, where Z is homed downwards: it was homed without touching the part.
+    /// With --resume-from, if Z is homed downwards: confirms that it was homed without touching the
+    /// part.
     #[arg(long, requires = "resume_from")]
     pub part_clear: bool,
     /// Write every byte of the conversation (headway board replay reads it).
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
-    /// How often the board tells its status of itself, ms, from 20 to 60000; kept until it starts
-    /// anew [default: 100]. Where the line is silent for 0.2 s it is asked.
+    /// Period of the board's status reports, ms, from 20 to 60000; kept until it restarts [default:
+    /// 100]. If the line is silent for 0.2 s the board is queried.
     #[arg(long, value_name = "MS", value_parser = status_period())]
     pub status_period_ms: Option<u16>,
-    /// Serve the job's page on this machine alone, with the print on it and what commands it. Its address
-    /// has a random key in it: whoever knows it moves the machine.
+    /// Serve the job's page on this machine only, with the print and its controls. Its address contains a
+    /// random key: everybody who knows it can move the machine.
     #[arg(long, help_heading = "Page")]
     pub view: bool,
-    /// Port of 127.0.0.1 for the page; 0 takes a free one.
+    /// Port of 127.0.0.1 for the page; 0 chooses a free one.
     #[arg(
         long,
         value_name = "N",
@@ -87,7 +88,7 @@ pub(crate) struct StreamArgs {
         help_heading = "Page"
     )]
     pub view_port: u16,
-    /// Only say where the page is.
+    /// Only print the page's address.
     #[arg(long, requires = "view", help_heading = "Page")]
     pub no_open: bool,
     /// The figures as one JSON object on stdout.
@@ -154,8 +155,8 @@ pub(crate) struct SimulateArgs {
     /// Its bed: a mesh as `board mesh` writes it [default: flat, at Z 0].
     #[arg(long, value_name = "BED.toml")]
     pub bed: Option<PathBuf>,
-    /// File that stands for the board's flash: keeps what `board configure` sends, and is read at the
-    /// start, before --machine.
+    /// File that represents the board's flash: stores the settings of `board configure`, and is read
+    /// at the start, before --machine.
     #[arg(long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
 }
@@ -163,10 +164,10 @@ pub(crate) struct SimulateArgs {
 /// `headway board probe`.
 #[derive(Debug, Args)]
 pub(crate) struct ProbeArgs {
-    /// Where the probe is to touch, machine coordinates, mm [default: where it is].
+    /// Position to probe, machine coordinates, mm [default: the current one].
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
     pub at: Option<String>,
-    /// So many touches, whose spread is told, however large it is [default: the machine file's samples].
+    /// Number of touches, whose spread is reported, however large [default: the machine file's samples].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100))]
     pub repeat: Option<u32>,
     /// One JSON object on stdout.
@@ -181,7 +182,7 @@ pub(crate) struct ProbeArgs {
 /// `headway board mesh`.
 #[derive(Debug, Args)]
 pub(crate) struct MeshArgs {
-    /// Corners of the ground to probe, machine coordinates, mm.
+    /// Corners of the area to probe, machine coordinates, mm.
     #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true)]
     pub area: String,
     /// Points along x and along y, 3 to 64 each.
@@ -206,9 +207,9 @@ pub(crate) enum PinName {
     Stow,
     /// Out.
     Deploy,
-    /// Out and in ten times.
+    /// Deploy and stow ten times.
     SelfTest,
-    /// In, and an alarm is forgotten.
+    /// Stow, and clear an alarm.
     Reset,
 }
 
@@ -223,7 +224,7 @@ fn points(text: &str) -> Result<[u32; 2], String> {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum BoardCommand {
-    /// Who the board is: versions, rates, queues, its stream.
+    /// Identity of the board: versions, rates, queues, its stream.
     Info {
         #[command(flatten)]
         port: PortArgs,
@@ -231,7 +232,7 @@ pub(crate) enum BoardCommand {
         #[arg(long)]
         json: bool,
     },
-    /// What the board is doing, and where its motors are.
+    /// State of the board, and positions of its motors.
     Status {
         #[command(flatten)]
         port: PortArgs,
@@ -241,7 +242,7 @@ pub(crate) enum BoardCommand {
     },
     /// Home joints, in the order given, and wait.
     Home {
-        /// Joints by name (x y z c) or number [default: all that have a switch].
+        /// Joints by name (x y z c) or number [default: all with a switch].
         joints: Vec<String>,
         #[command(flatten)]
         machine: BoardMachineArgs,
@@ -252,10 +253,10 @@ pub(crate) enum BoardCommand {
     Jog {
         /// Joint by name (x, y, z, c) or number.
         joint: String,
-        /// How far, mm or degrees.
+        /// Distance, mm or degrees.
         #[arg(allow_negative_numbers = true)]
         distance: f64,
-        /// How fast, mm/s or degrees/s [default: a tenth of the joint's limit].
+        /// Speed, mm/s or degrees/s [default: a tenth of the joint's limit].
         #[arg(long, value_name = "SPEED")]
         speed: Option<f64>,
         #[command(flatten)]
@@ -263,11 +264,11 @@ pub(crate) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Say where a joint is, that has no switch to home to: after a stop it must be declared.
+    /// Declare the position of a joint without a switch, which is necessary after a stop.
     SetJoint {
         /// Joint by name (x, y, z, c) or number.
         joint: String,
-        /// Where it is, mm or degrees.
+        /// Its position, mm or degrees.
         #[arg(allow_negative_numbers = true)]
         position: f64,
         #[command(flatten)]
@@ -275,12 +276,12 @@ pub(crate) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Push material through the nozzle, or pull it back, and wait.
+    /// Extrude material through the nozzle, or retract it, and wait.
     Extrude {
-        /// How much, mm³; negative pulls back.
+        /// Volume, mm³; negative retracts.
         #[arg(allow_negative_numbers = true)]
         volume: f64,
-        /// How fast at most, mm³/s [default: a tenth of the extruder's limit].
+        /// Maximum rate, mm³/s [default: a tenth of the extruder's limit].
         #[arg(long, value_name = "SPEED")]
         speed: Option<f64>,
         /// Turn the extruder this once while the hot end is below extrude_min_c: without material in it.
@@ -291,7 +292,7 @@ pub(crate) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Go to where a job begins, joint by joint, Z first if it goes up, and wait.
+    /// Go to the start of a job, joint by joint, Z first if it rises, and wait.
     Go {
         /// A job file (.hwj).
         job: PathBuf,
@@ -301,7 +302,7 @@ pub(crate) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Find where the bed is below the probe, and wait.
+    /// Measure the height of the bed below the probe, and wait.
     Probe(ProbeArgs),
     /// Move the pin of a probe that has one (BLTouch).
     ProbePin {
@@ -311,14 +312,14 @@ pub(crate) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Probe points all over the bed and write a mesh for `stream --mesh`.
+    /// Probe a grid of points on the bed and write a mesh for `stream --mesh`.
     Mesh(MeshArgs),
     /// Come to rest on the path.
     Pause {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Go on after a pause.
+    /// Resume after a pause.
     Resume {
         #[command(flatten)]
         port: PortArgs,
@@ -339,14 +340,14 @@ pub(crate) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Set the target of a heater, and wait until it is there; it is switched off again 30 s later where no
-    /// next command comes, and at once where this one is broken off.
+    /// Set the target of a heater, and wait until it is reached; it is switched off again 30 s later if no
+    /// other command follows, and at once if this one is aborted.
     Heat {
         /// hot-end, bed, hot-end-2, or the heater's number.
         heater: String,
         /// Target, °C; 0 switches off.
         celsius: f64,
-        /// Do not wait: the stream rests until it is there, if there is one.
+        /// Do not wait: a stream, if any, rests until it is reached.
         #[arg(long)]
         no_wait: bool,
         #[command(flatten)]
@@ -356,9 +357,9 @@ pub(crate) enum BoardCommand {
     Tune {
         /// hot-end, bed, hot-end-2, or the heater's number.
         heater: String,
-        /// Temperature to swing around, °C: where it is printed with.
+        /// Temperature to oscillate around, °C: that of printing.
         celsius: f64,
-        /// The result goes into this machine file [default: it is printed].
+        /// Machine file to write the result to [default: it is printed].
         #[command(flatten)]
         machine: BoardMachineArgs,
         #[command(flatten)]
@@ -372,17 +373,17 @@ pub(crate) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Let the motors go; home or declare every joint before the next job.
+    /// Release the motors; home or declare every joint before the next job.
     MotorsOff {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Come to rest on the path, then forget the stream.
+    /// Come to rest on the path, then drop the stream.
     Abort {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Stop at once and latch a fault: the position is lost.
+    /// Stop immediately and latch a fault: the position is lost.
     Stop {
         #[command(flatten)]
         port: PortArgs,
@@ -392,20 +393,20 @@ pub(crate) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Send a machine file to a board that keeps settings; in force from its next start.
+    /// Send a machine file to a board that stores settings; active from its next start.
     Configure {
         /// Machine file: kinematics, joints, extruder, heaters.
         machine: PathBuf,
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Be a board without hardware: the firmware library on a socket.
+    /// Simulate a board without hardware: the firmware library on a socket.
     Simulate(SimulateArgs),
-    /// Run the host's side of a log through the firmware library.
+    /// Replay the host's side of a log through the firmware library.
     Replay {
-        /// A log that headway stream --log wrote.
+        /// A log from headway stream --log.
         log: PathBuf,
-        /// Machine file, where the log does not know the machine.
+        /// Machine file, if the log does not contain the machine.
         #[arg(short, long, value_name = "MACHINE.toml")]
         machine: Option<PathBuf>,
         /// One JSON object on stdout.

@@ -17,11 +17,11 @@ Examples:
 
 What each is for and how it is read: docs/guide/calibration.md")]
 pub(crate) struct CalibrateArgs {
-    /// Which number is looked for.
+    /// Value to calibrate.
     #[arg(value_enum, value_name = "NAME")]
     pub pattern: PatternName,
-    /// Job file to write; of several jobs each gets its value in its name, and a machine file beside it
-    /// [default: the pattern's name].
+    /// Job file to write; several jobs each have their value in the name, and a machine file of the
+    /// same name [default: the pattern's name].
     #[arg(short, long, value_name = "JOB.hwj")]
     pub output: Option<PathBuf>,
     /// Length of the lines, or distance of the marks, mm.
@@ -33,7 +33,7 @@ pub(crate) struct CalibrateArgs {
     /// Last of the stepped values.
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
     pub to: Option<f64>,
-    /// How many values.
+    /// Number of values.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub lines: Option<u32>,
     /// Turns of the nozzle before the second fan of `heading` [default: 5 without stops, else 0].
@@ -49,7 +49,7 @@ pub(crate) struct CalibrateArgs {
     pub settings: SettingsArgs,
     #[command(flatten)]
     pub allow: AllowArgs,
-    /// What is laid where, as one JSON object on stdout.
+    /// The lines with positions and values, as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
 }
@@ -58,21 +58,22 @@ pub(crate) struct CalibrateArgs {
 pub(crate) enum PatternName {
     /// Steps of X, Y, Z and the extruder: marks at a known distance, a tube of known height and weight.
     Steps,
-    /// Where the heading is zero: a fan of headings.
+    /// Zero of the heading: a fan of headings.
     Heading,
-    /// How far the nozzle is off the axis that it turns about: lines in halves, half a turn apart.
+    /// Offset of the nozzle from its axis of rotation: lines in halves, half a turn apart.
     Nozzle,
-    /// Pivot length of a head that tilts: lines in halves that lean to either side.
+    /// Pivot length of a head that tilts: lines in halves that are tilted to either side.
     Pivot,
-    /// Pressure advance: lines that are slow, fast, slow; a job for each value.
+    /// Pressure advance: lines with slow, fast and slow parts; a job for each value.
     Advance,
-    /// Volume of a prime: lines that begin with more and more.
+    /// Volume of a prime: lines that begin with increasing volumes.
     Prime,
-    /// Volume of a retract: lines that end with more and more.
+    /// Volume of a retract: lines that end with increasing volumes.
     Retract,
-    /// Where the frame rings, by eye: walls with waves behind their corners.
+    /// Ringing frequency of the frame, by eye: walls with waves after their corners.
     Ringing,
-    /// Where the frame rings, by an accelerometer: X, then Y, shaken from --from to --to Hz; nothing is laid.
+    /// Ringing frequency of the frame, with an accelerometer: X, then Y, vibrated from --from to --to Hz;
+    /// nothing is printed.
     Resonance,
 }
 

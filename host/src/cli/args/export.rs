@@ -22,7 +22,7 @@ pub(crate) struct ExportArgs {
     /// Layer of the picture, from 1.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub layer: u32,
-    /// What the picture's passes are coloured by [default: zone].
+    /// Colouring of the picture's passes [default: zone].
     #[arg(long, value_enum, value_name = "WHAT")]
     pub colour: Option<ColourName>,
     /// Time between two rows of the table, ms.
@@ -57,7 +57,7 @@ pub(crate) struct GcodeArgs {
     /// Controller that G-code is for.
     #[arg(long, value_enum, value_name = "CONTROLLER")]
     pub dialect: Option<DialectName>,
-    /// How primes and retracts are written [default: extruder, which leaves nothing set on the controller].
+    /// How primes and retracts are written [default: extruder, which changes no setting of the controller].
     #[arg(long, value_enum, value_name = "HOW")]
     pub retraction: Option<RetractionName>,
     /// Diameter of the filament, mm.
@@ -74,10 +74,12 @@ pub(crate) struct GcodeArgs {
     /// Letter of the extruder [default: E; U for linuxcnc and grblhal].
     #[arg(long, value_name = "LETTER")]
     pub extruder: Option<char>,
-    /// Headings from 0 to 360 degrees, for axes that go the shorter way; else they count turns.
+    /// Headings from 0 to 360 degrees, for axes that turn in the shorter direction; otherwise they
+    /// count turns.
     #[arg(long)]
     pub wrapped: bool,
-    /// How far a move may be beside the job's path, mm [default: 0.002; 0.003 for linuxcnc, grblhal and marlin].
+    /// Largest distance of a move from the job's path, mm [default: 0.002; 0.003 for linuxcnc, grblhal and
+    /// marlin].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub line_tolerance: Option<f64>,
     /// Arcs (G2, G3) where they are fewer moves [default: on for linuxcnc, off for the others].
@@ -119,7 +121,7 @@ pub(crate) enum DialectName {
 pub(crate) enum ArcsName {
     /// Arcs of the XY plane.
     On,
-    /// Straight moves alone.
+    /// Straight moves only.
     Off,
 }
 

@@ -26,8 +26,8 @@ pub(crate) struct InspectArgs {
         allow_negative_numbers = true
     )]
     pub layer_height: f64,
-    /// Which tool axes are free with the tip at a place, mm, input coordinates, when the job has come to a time, s: the
-    /// nearest to the job's own, and what is in the way.
+    /// Free tool axes with the tip at a position, mm, input coordinates, at a time of the job, s: the nearest to the
+    /// job's own, and the obstacles.
     #[arg(long, value_name = "X,Y,Z,T", allow_hyphen_values = true)]
     pub axes_at: Option<String>,
     /// Draws the free axes of --axes-at as a map of the half sphere, SVG.

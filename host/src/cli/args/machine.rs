@@ -29,7 +29,7 @@ pub(crate) enum MachineCommand {
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
     },
-    /// Read a machine file, say what is wrong or what it amounts to.
+    /// Check a machine file, report errors or a summary.
     Check {
         /// The machine file.
         file: PathBuf,
@@ -37,7 +37,8 @@ pub(crate) enum MachineCommand {
         #[arg(long)]
         json: bool,
     },
-    /// Write what a board's firmware is built with (`HEADWAY_MACHINE`, see docs/guide/boards.md).
+    /// Write the settings with which a board's firmware is built (`HEADWAY_MACHINE`, see
+    /// docs/guide/boards.md).
     Firmware {
         /// The machine file.
         file: PathBuf,
@@ -64,7 +65,7 @@ pub(crate) enum KindName {
     HeadCb,
     /// X Y Z and a table that tilts (B) and turns (C).
     TableBc,
-    /// X Y Z and a head that turns (C) with a nozzle that leans by a fixed angle.
+    /// X Y Z and a head that turns (C) with a nozzle that is tilted by a fixed angle.
     TiltedHead,
     /// A table that turns (C) under X and Z.
     Polar,

@@ -35,7 +35,7 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub command: Command,
-    /// Show no progress, on a terminal either; notes and errors stay.
+    /// Show no progress, not even on a terminal; notes and errors stay.
     #[arg(long, global = true)]
     pub quiet: bool,
 }
@@ -54,43 +54,43 @@ Exit status: 0 done, 1 the job cannot be done as asked, 2 wrong usage.";
 pub(crate) enum Command {
     /// Plan an input and write the job file.
     Plan(PlanArgs),
-    /// Write the headings that law and outline allow at every boundary sample.
+    /// Write the feasible headings at every boundary sample.
     Headings(HeadingsArgs),
-    /// Run a job through the firmware library and check what comes out.
+    /// Run a job through the firmware library and check the result.
     Simulate(SimulateArgs),
-    /// Plan a part with several nozzles and say what each takes.
+    /// Plan a part with several nozzles and compare their times.
     Compare(CompareArgs),
     /// Write a job's report, a page that draws and plays it, and open it.
     View(ViewArgs),
     /// Write a job as a table of poses, a picture or JSON.
     Export(ExportArgs),
-    /// Show what is in a job file or an input.
+    /// Show the contents of a job file or an input.
     Inspect(InspectArgs),
     /// Stream a job to a board.
     Stream(StreamArgs),
-    /// Ask a board, command it, or be one without hardware.
+    /// Query a board, command it, or simulate one without hardware.
     Board(BoardArgs),
-    /// Write a job that lays a pattern from which a number of the machine file is read.
+    /// Write a job that prints a pattern from which a value of the machine file is read.
     Calibrate(CalibrateArgs),
     /// Write or check a machine file.
     Machine(MachineArgs),
-    /// Write the script by which a shell completes this command.
+    /// Write the completion script for a shell.
     Completions(CompletionsArgs),
     /// Write manual pages.
     Man(ManArgs),
 }
 
-/// What stands for the input where there is a surface alone.
+/// Represents the input if there is only a surface.
 pub(crate) const NO_INPUT: &str = "-";
 
-/// What is read, and where it goes on the machine.
+/// The input, and its position on the machine.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Input")]
 pub(crate) struct InputArgs {
-    /// Format of the input, where its ending does not say it.
+    /// Format of the input, if its file extension does not define it.
     #[arg(long, value_enum, value_name = "FORMAT")]
     pub from: Option<FormatName>,
-    /// Unit of the input's coordinates, over what the file says.
+    /// Unit of the input's coordinates; overrides the file's.
     #[arg(long, value_enum, value_name = "UNIT")]
     pub units: Option<UnitName>,
     /// Factor on all coordinates of the input.
@@ -101,20 +101,20 @@ pub(crate) struct InputArgs {
         allow_negative_numbers = true
     )]
     pub scale: f64,
-    /// Mend crossings, overlaps and open contours by the fill rule, and say what was changed.
+    /// Repair crossings, overlaps and open contours by the fill rule, and report the changes.
     #[arg(long)]
     pub repair: bool,
     /// Turn a mesh about its x, then y, then z axis, degrees.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub rotate: Option<String>,
-    /// Diameter of the filament of G-code, mm [default: what the file says, or 1.75].
+    /// Diameter of the filament of G-code, mm [default: the file's, or 1.75].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub filament_diameter: Option<f64>,
-    /// Axes of the machine that G-code was written for, where it is another one: which letter turns head or table, about
-    /// what, and whether X Y Z are the tip's place on the part: "B=table:y,C=table:z,coordinates=pivot",
-    /// "A=head:x:at=0/0/60,U=heading,coordinates=tip", "machine:FILE.toml" (its joints). Further words: :zero=DEG,
-    /// shift=X/Y/Z, lean=DEG, feed=tip, xyz or all, extruder=LETTER; the guide has them for each program
-    /// [default: the machine file's].
+    /// Axes of the machine that G-code was written for, if it is another one: the letters that turn head or table,
+    /// about which axis, and whether X Y Z are the tip's position on the part:
+    /// "B=table:y,C=table:z,coordinates=pivot", "A=head:x:at=0/0/60,U=heading,coordinates=tip", "machine:FILE.toml"
+    /// (its joints). Further words: :zero=DEG, shift=X/Y/Z, lean=DEG, feed=tip, xyz or all, extruder=LETTER; the
+    /// guide has them for each program [default: the machine file's].
     #[arg(long, value_name = "WORDS", allow_hyphen_values = true)]
     pub axes: Option<String>,
     /// Layer of a DXF drawing that is read; once for each [default: all but frozen and off].
@@ -126,7 +126,7 @@ pub(crate) struct InputArgs {
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Input")]
 pub(crate) struct LayerArgs {
-    /// Layers of a mesh that are wanted, counted from 1, first and last [default: all].
+    /// Range of layers of a mesh, counted from 1, first and last [default: all].
     #[arg(long, value_name = "A-B")]
     pub layer_range: Option<String>,
     /// Heights of a mesh's layers by ranges above the bed, mm, upwards: 0-2:0.1,2-10:0.2; elsewhere that of
@@ -149,59 +149,59 @@ pub(crate) struct PlaceArgs {
     /// work area, on the bed]. Given several times, an outline or mesh is printed at each place.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub at: Vec<String>,
-    /// So many of an outline or mesh, in rows, up to 1000.
+    /// Number of copies of an outline or mesh, in rows, up to 1000.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub copies: Option<u32>,
-    /// Between the boxes of copies, mm [default: 5].
+    /// Distance between the boxes of copies, mm [default: 5].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub copy_gap: Option<f64>,
     /// Outlines that neither aperture nor nozzle body enters (clamps, finished neighbours), in the
     /// input's coordinates; read like the input.
     #[arg(long, value_name = "FILE")]
     pub keep_out: Option<PathBuf>,
-    /// Mesh, in the outline's coordinates, that the layers follow; for heads that tilt. An outline of the plane is seen
-    /// from above and lies on the mesh's upper side, one with points [x, y, z] is drawn on it, and without an outline the
-    /// mesh is printed on up to its rims: both may hang over or close around.
+    /// Mesh, in the outline's coordinates, that the layers follow; for heads that tilt. A plane outline is projected
+    /// from above onto the mesh's upper side, one with points [x, y, z] is drawn on it, and without an outline the
+    /// mesh is covered up to its rims: these two may overhang or close around.
     #[arg(long, value_name = "MESH")]
     pub surface: Option<PathBuf>,
-    /// What of the surface is meant: group:NAME (of an OBJ), colour:#RRGGBB (of an OBJ's vertices), or normal:DEG, which
-    /// leans from Z by no more than that.
+    /// Region of the surface: group:NAME (of an OBJ), colour:#RRGGBB (of an OBJ's vertices), or normal:DEG, with
+    /// normals tilted from Z by no more than that.
     #[arg(long, value_name = "REGION", requires = "surface")]
     pub surface_region: Option<String>,
-    /// Layers of a mesh that follow its tops instead of standing off them in stairs: all of them, so many over flat ones
-    /// (skin:M, or skin for 3), or what leaves the smaller stairs (auto). Curved layers are solid.
+    /// Layers of a mesh that follow its tops instead of forming stairs: all of them, a number over flat ones (skin:M,
+    /// or skin for 3), or the choice with the smaller stairs (auto). Curved layers are solid.
     #[arg(long, value_name = "auto|all|skin[:M]", conflicts_with = "surface")]
     pub curved_layers: Option<String>,
-    /// Waypoints further apart than this end a pass: retract, travel clear of what is printed, prime
+    /// Waypoints further apart than this end a pass: retract, travel clear of the print, prime
     /// [default: six times the usual spacing].
     #[arg(long, value_name = "MM")]
     pub gap: Option<f64>,
-    /// Where a run of waypoints lies.
+    /// Position of a run of waypoints.
     #[arg(long, value_enum, value_name = "PLACE", conflicts_with = "at")]
     pub place: Option<Place>,
-    /// Turns a run of waypoints about Z, counter-clockwise, degrees; places and messages are those of the
-    /// turned run.
+    /// Rotates a run of waypoints about Z, counter-clockwise, degrees; positions and messages are those
+    /// of the rotated run.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub turn: Option<f64>,
-    /// How far the tool axis may leave that of the waypoints where two rotary axes of the machine line
-    /// up, degrees; 0 leaves it as it is [default: 0.5].
+    /// Largest deviation of the tool axis from that of the waypoints where two rotary axes of the
+    /// machine line up, degrees; 0 keeps it unchanged [default: 0.5].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub axis_tolerance: Option<f64>,
-    /// How far the tool axis of a run of waypoints may lean from that given, degrees, where nozzle or head would touch
-    /// what stands: the least lean that is clear is taken; a column cone_deg allows less at single waypoints
-    /// [default: axes stay as they are].
+    /// Largest tilt of the tool axis of a run of waypoints from the given one, degrees, where nozzle or head would
+    /// collide with obstacles or earlier print: the smallest clear tilt is used; a column cone_deg permits less at
+    /// single waypoints [default: axes are unchanged].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub tilt_max: Option<f64>,
-    /// A mesh of what stands on the machine (clamps, finished parts), in machine coordinates; may be given several
-    /// times. Tilting heads are held against it; outlines and meshes keep off its shadow.
+    /// A mesh of obstacles on the machine (clamps, finished parts), in machine coordinates; may be given several
+    /// times. Tilting heads are checked against it; outlines and meshes avoid its projection.
     #[arg(long, value_name = "MESH")]
     pub obstacle: Vec<PathBuf>,
-    /// Corners of a run of waypoints are rounded within this many mm, and those of its tool axis within
-    /// half of --axis-tolerance; 0 leaves corners as they are: the head rests at those of the path. Small
-    /// roundings, below about 0.1 mm, can take LONGER than rests: compare print_s [default: 0, or the machine file's].
+    /// Corners of a run of waypoints are rounded within this many mm, and those of its tool axis within half of
+    /// --axis-tolerance; 0 keeps corners unchanged: the head rests at those of the path. Small roundings, below about
+    /// 0.1 mm, can take LONGER than rests: compare print_s [default: 0, or the machine file's].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub corner_tolerance: Option<f64>,
-    /// Folder where planned layers of a mesh are kept: what was planned before is not planned again.
+    /// Folder for planned layers of a mesh, which are not planned again.
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
     #[command(flatten)]
@@ -211,7 +211,7 @@ pub(crate) struct PlaceArgs {
     pub first_layer_speed: Option<f64>,
 }
 
-/// What overrides the machine file.
+/// Options that override the machine file.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Settings")]
 pub(crate) struct SettingsArgs {
@@ -242,7 +242,7 @@ Examples:
   headway plan sliced.gcode -o part.hwj
   headway plan five-axis.gcode --axes A=table:x,C=table:z,coordinates=pivot -m my-printer.toml -o part.hwj")]
 pub(crate) struct PlanArgs {
-    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code; none with --surface alone.
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code; none with only --surface.
     #[arg(
         required = false,
         required_unless_present = "surface",
@@ -276,7 +276,7 @@ Examples:
 pub(crate) struct HeadingsArgs {
     /// Outline: polygon JSON, GeoJSON or SVG.
     pub input: PathBuf,
-    /// Longest piece of the boundary between two samples, mm.
+    /// Longest part of the boundary between two samples, mm.
     #[arg(
         long,
         value_name = "MM",
@@ -305,17 +305,17 @@ Examples:
   headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json")]
 pub(crate) struct SimulateArgs {
     /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, G-code, or a job file (.hwj); none with
-    /// --surface alone.
+    /// only --surface.
     #[arg(
         required = false,
         required_unless_present = "surface",
         default_value_if("surface", ArgPredicate::IsPresent, NO_INPUT)
     )]
     pub input: PathBuf,
-    /// Folder for figures and pictures; made where it is not there.
+    /// Folder for figures and pictures; created if missing.
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
-    /// Table of the poses that the simulated steps really made.
+    /// Table of the poses of the simulated steps.
     #[arg(long, value_name = "F.csv")]
     pub trace: Option<PathBuf>,
     /// Table of every step.

@@ -13,7 +13,7 @@ pub(crate) enum FormatName {
     Svg,
     /// Contours of an ASCII DXF drawing.
     Dxf,
-    /// A run of the tip: x y z nx ny nz [heading_deg] a line.
+    /// A run of the tip: x y z nx ny nz [heading_deg] on each line.
     #[value(alias = "wpt")]
     Waypoints,
     /// A curve: {"degree","control_points","weights","knots"}.
@@ -25,7 +25,7 @@ pub(crate) enum FormatName {
     ThreeMf,
     /// Wavefront triangles or polygons of a solid.
     Obj,
-    /// What a slicer wrote: its centre lines, with the nozzle turned for their widths.
+    /// A slicer's file: its centre lines, with the nozzle turned for their widths.
     Gcode,
 }
 

@@ -404,7 +404,7 @@ impl Prober {
                     .to_string()
             }
             ProbeResult::StaysPressed => {
-                "the probe stays pressed on the way back; a longer back_off_mm may free it".to_string()
+                "the probe stays pressed during the retreat; a longer back_off_mm may free it".to_string()
             }
             ProbeResult::None => "the probing was broken off".to_string(),
         };

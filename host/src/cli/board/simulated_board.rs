@@ -73,7 +73,7 @@ pub(crate) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     ));
     if kept.wiring != Wiring::STANDARD {
         console.say(
-            "its [wiring] is left out: a simulated board has no pins; its motors turn as told, and switch m is joint m's",
+            "its [wiring] is ignored: a simulated board has no pins; no motor is reversed, and switch m is joint m's",
         );
     }
     board.settings_in_force(hash);

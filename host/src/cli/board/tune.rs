@@ -138,7 +138,7 @@ fn keep(
     crate::cli::terminal::output_file::write_file(path, text.as_bytes())?;
     let verb = if has_heaters { "changed" } else { "added" };
     console.result(&format!(
-        "{}: {verb} the {role}; build the firmware for it anew (headway machine firmware)\n",
+        "{}: {verb} the {role}; rebuild the firmware for it (headway machine firmware)\n",
         path.display()
     ))
 }

@@ -183,7 +183,7 @@ fn heat_text(summary: &JobSummary) -> String {
     lines.truncate(ORDERS_TOLD);
     let mut text: String = lines.iter().map(|line| format!("  {line}\n")).collect();
     if more > 0 {
-        text += &format!("  and {more} more orders (--json lists them)\n");
+        text += &format!("  and {more} more commands (--json lists them)\n");
     }
     text
 }
@@ -209,7 +209,7 @@ fn path_json(run: &WaypointRun) -> serde_json::Value {
 fn path_text(run: &WaypointRun) -> String {
     let headings = match run.points.first().and_then(|point| point.heading_rad) {
         Some(_) => "with headings",
-        None => "the major axis lies across the travel",
+        None => "the major axis is across the travel",
     };
     format!(
         "{}: {} waypoints, {:.3} mm long, usually {:.3} mm from one waypoint to the next; {headings}\n",
@@ -242,9 +242,7 @@ fn gcode_json(program: &GcodeProgram) -> serde_json::Value {
 fn gcode_text(program: &GcodeProgram) -> String {
     let volume = program
         .volume_mm3()
-        .map_or("no extrusion told".to_string(), |mm3| {
-            format!("{mm3:.3} mm³")
-        });
+        .map_or("no extrusion".to_string(), |mm3| format!("{mm3:.3} mm³"));
     let estimate = program
         .estimate_s
         .map_or(String::new(), |s| format!("; its estimate is {s:.1} s"));

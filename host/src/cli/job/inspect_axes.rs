@@ -23,7 +23,7 @@ pub(crate) fn run(args: &InspectArgs, at: &str, console: &Console) -> Result<(),
     })?;
     if !job::is_job(&args.file) {
         return Err(CliError::Usage(
-            "--axes-at goes with a job (.hwj): what stands at a time is known once it is planned"
+            "--axes-at goes with a job (.hwj): the state at a time is known once it is planned"
                 .to_string(),
         ));
     }
@@ -131,11 +131,11 @@ fn to_text(axes: &AxesAt) -> String {
     let state = match (axes.wish_is_free, &axes.nearest) {
         (true, _) => "free".to_string(),
         (false, Some(axis)) => format!(
-            "touches; the nearest free one leans {:.2}° from it, {}",
+            "collides; the nearest free one is tilted {:.2}° from it, {}",
             axis.angle(&axes.wish).to_degrees(),
             degrees(axis)
         ),
-        (false, None) => "touches, and no other is free".to_string(),
+        (false, None) => "collides, and no other is free".to_string(),
     };
     format!(
         "the job's tool axis, {}: {state}\n  {:.1} % of the axes up to 90° are free; {} points stand, the search met {} \

@@ -88,7 +88,7 @@ impl Service {
             Ok(Asked::Order) => {
                 let (status, text) = match order_text(request.into_body()).await {
                     Ok(order) => self.order(&order),
-                    Err(status) => (status, "an order is a line of at most 64 bytes"),
+                    Err(status) => (status, "a command is a line of at most 64 bytes"),
                 };
                 (status, TEXT, Bytes::from_static(text.as_bytes()))
             }
@@ -112,7 +112,7 @@ impl Service {
             Ok(()) => (StatusCode::ACCEPTED, ""),
             Err(NotTaken::Full) => (
                 StatusCode::SERVICE_UNAVAILABLE,
-                "too many orders wait; try again in a second",
+                "too many commands are queued; try again in a second",
             ),
             Err(NotTaken::Over) => (StatusCode::GONE, "the print is over"),
         }

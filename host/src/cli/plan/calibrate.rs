@@ -41,7 +41,7 @@ pub(crate) fn run(args: &CalibrateArgs, console: &Console) -> Result<(), CliErro
     let settings = load::settings(&args.settings)?;
     if let Some(option) = load::outline_option(&args.settings, None) {
         return Err(CliError::Usage(format!(
-            "{option} goes with outlines: a pattern is laid as it is"
+            "{option} goes with outlines: a pattern is printed unchanged"
         )));
     }
     let asked = Asked {
@@ -241,7 +241,7 @@ fn as_json(drawn: &Pattern, written: &[Written]) -> Value {
 fn as_text(drawn: &Pattern, written: &[Written]) -> String {
     let [x, y, z] = drawn.at_mm;
     let mut text = format!(
-        "{}: its origin lies at {x:.2}, {y:.2}, {z:.2} mm on the machine; lines as they are printed\n",
+        "{}: its origin is at {x:.2}, {y:.2}, {z:.2} mm on the machine; lines as they are printed\n",
         drawn.kind.name()
     );
     text += &format!(

@@ -224,7 +224,7 @@ fn check_options(
                 .to_string()
         }
         (Input::Mesh(_) | Input::Path(_) | Input::Gcode(_), ..) if place.surface.is_some() => {
-            "--surface goes with outlines: only they are laid on a surface".to_string()
+            "--surface goes with outlines: only they are projected onto a surface".to_string()
         }
         (Input::Outline(_) | Input::Path(_) | Input::Gcode(_), ..)
             if place.curved_layers.is_some() =>
@@ -249,7 +249,7 @@ fn check_options(
             format!("{option} goes with runs of waypoints: outlines have no tool axes")
         }
         (Input::Outline(_) | Input::Path(_) | Input::Gcode(_), _, Some(option)) => {
-            format!("{option} goes with meshes: an outline has the same layers all the way")
+            format!("{option} goes with meshes: all layers of an outline are the same")
         }
         _ => return Ok(()),
     };

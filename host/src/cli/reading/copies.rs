@@ -48,7 +48,7 @@ fn offsets(place: &PlaceArgs, part: Box2, settings: &Settings) -> Result<Vec<Vec
     if let [first, _, ..] = place.at.as_slice() {
         if place.copies.is_some() || place.copy_gap.is_some() {
             return Err(CliError::Usage(
-                "several --at say where each part lies: leave --copies and --copy-gap out"
+                "several --at give the position of each part: omit --copies and --copy-gap"
                     .to_string(),
             ));
         }

@@ -242,7 +242,7 @@ fn part_beside(place: &Path) -> std::io::Result<NamedTempFile> {
         let folder = parent(place).display();
         let hint = match problem.kind() {
             ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
-                ": results are written beside their place first, so the folder must be writable"
+                ": results are first written to a temporary file in the same folder, which must be writable"
             }
             _ => "",
         };

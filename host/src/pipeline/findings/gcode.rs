@@ -113,7 +113,7 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
         let beside_pct = 100.0 * (f.volume_mm3 / volume_mm3.max(1e-9) - 1.0);
         if beside_pct.abs() > VOLUME_TOLD_PCT {
             warnings.push(format!(
-                "the job deposits {beside_pct:+.2} % of what the file asks"
+                "the job deposits {beside_pct:+.2} % relative to the file"
             ));
         }
     }

@@ -95,7 +95,7 @@ fn found_place(plan: &Plan) -> Option<String> {
     let found = plan.found_place?;
     let [x, y, z] = plan.transform.offset_mm;
     Some(format!(
-        "--place best: at {x:.3},{y:.3},{z:.3}; of {} places tried the machine reaches the whole run at {}",
+        "--place best: at {x:.3},{y:.3},{z:.3}; of {} positions tried the machine reaches the complete run at {}",
         found.tried, found.reached
     ))
 }
@@ -106,7 +106,7 @@ fn leans(plan: &Plan) -> Option<String> {
     let [passes, all] = leaned.passes;
     let lean_deg = leaned.lean_max_rad.to_degrees();
     Some(format!(
-        "--tilt-max: the tool axis leans by up to {lean_deg:.1}° on {passes} of {all} passes to keep clear"
+        "--tilt-max: the tool axis is tilted by up to {lean_deg:.1}° on {passes} of {all} passes to keep clear"
     ))
 }
 

@@ -60,7 +60,7 @@ pub fn outcome(dry_run: &DryRun) -> Result<(), String> {
     let trace = &dry_run.trace;
     if trace.final_counts != trace.expected_counts {
         return Err(format!(
-            "the steps end at {:?}, the plan's last pose asks for {:?}",
+            "the steps end at {:?}, the plan's last pose requires {:?}",
             trace.final_counts, trace.expected_counts
         ));
     }

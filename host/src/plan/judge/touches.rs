@@ -68,7 +68,7 @@ impl Obstacle {
             Obstacle::Table => "the table",
             Obstacle::Print => "what is printed",
             Obstacle::Surface => "the surface",
-            Obstacle::Standing => "what stands there (--obstacle)",
+            Obstacle::Standing => "an obstacle (--obstacle)",
         }
     }
 }

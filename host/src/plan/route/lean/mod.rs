@@ -60,9 +60,7 @@ pub enum LeanError {
     )]
     HeadUnknown,
     /// No place is given.
-    #[error(
-        "--tilt-max leans away from what stands where the run lies: give --at instead of --place best"
-    )]
+    #[error("--tilt-max depends on the position of the run: give --at instead of --place best")]
     NoPlace,
     /// A place that the head cannot get to.
     #[error(
@@ -70,7 +68,7 @@ pub enum LeanError {
          the one given; in the way is {} near ({:.3}, {:.3}, {:.3}) mm: allow more (--tilt-max), print in another \
          order, or move it away",
         at_mm[0], at_mm[1], at_mm[2],
-        if *is_print { "what was printed before" } else { "what stands there (--obstacle), or the table," },
+        if *is_print { "earlier print" } else { "an obstacle (--obstacle), or the table," },
         by_mm[0], by_mm[1], by_mm[2]
     )]
     NoFreeAxis {
