@@ -12,8 +12,8 @@ fn main() {
     }
     let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();
     println!("cargo:rustc-link-search={manifest}/..");
-    // Sector 3 is the settings': only the vectors lie before it, code begins behind it.
-    // Before the script, which would place it itself.
+    // Sector 3 is the settings': only the vectors are before it, code begins after it. Before the
+    // script, which would place it itself.
     if std::env::var_os("CARGO_FEATURE_OCTOPUS_SERIAL").is_some() {
         println!("cargo:rustc-link-arg-bin=octopus=--defsym=_stext=0x08010000");
     }

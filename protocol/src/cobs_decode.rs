@@ -5,7 +5,7 @@
 //! one out of bounds is a result. Source: S. Cheshire and M. Baker, Consistent Overhead Byte
 //! Stuffing (1999).
 
-/// Longest run of bytes without a zero behind it.
+/// Longest sequence of bytes without a zero after it.
 const FULL_RUN: u8 = 0xff;
 
 /// Decodes the bytes between two zero bytes of the line, in place, and returns how many are left;

@@ -70,7 +70,7 @@ pub enum Control {
     FlowOverride(u16),
     /// Prime or retract by hand (at rest only).
     Extrude {
-        /// Which way.
+        /// The direction.
         action: FlowAction,
         /// Volume, 10⁻⁶ mm³.
         volume_units: u32,
@@ -113,7 +113,8 @@ pub enum Control {
     Probe {
         /// Joint from 0 in the kinematics' order.
         joint: u8,
-        /// Furthest way and its direction, 0.1 µm or µrad; its end must be in the joint's range.
+        /// Maximum distance and its direction, 0.1 µm or µrad; its end must be in the joint's
+        /// range.
         distance_units: i32,
         /// Speed of the search, 0.1 µm/s or µrad/s, above 0.
         fast_units_s: u32,
@@ -179,7 +180,7 @@ impl JointOrder {
             .map(|joint| joint - 1)
     }
 
-    /// No joint twice, none that cannot be, nothing behind the end.
+    /// No repeated or invalid joint, nothing after the end.
     fn is_valid(self) -> bool {
         let (mut seen, mut places) = (0u16, 0);
         for joint in self.joints() {

@@ -19,7 +19,7 @@ pub const BLOCK_BYTES_MAX: usize = crate::frame::MESSAGE_BYTES_MAX - 3;
 
 /// Fraction bits of the extrapolation weights: the rounding of a 6 mm step stays below 0.1 unit.
 const WEIGHT_BITS: u32 = 20;
-/// Largest weight: a span 16 times as long as the one before it says nothing of the next.
+/// Largest weight: a span 16 times as long as the previous one does not predict the next.
 const WEIGHT_MAX: u64 = 16 << WEIGHT_BITS;
 /// Extrapolation orders: 0 = last point, 1 = line, 2 = parabola.
 const ORDERS: usize = 3;

@@ -12,7 +12,7 @@ mod loader {
     use cortex_m::peripheral::{NVIC, Peripherals};
     use cortex_m_rt::exception;
 
-    /// Where the image behind it begins.
+    /// Start of the image after it.
     const IMAGE: *const u32 = 0x0800_8000 as *const u32;
     /// Short enough to come many times before the image has set itself up.
     const SYSTICK_CLOCKS: u32 = 2000;

@@ -66,7 +66,7 @@ mod board {
     pub type DriverPins = NoDrivers;
     pub type ServoPin = NoPulse;
 
-    /// The crystal beside the chip.
+    /// The crystal of the chip.
     pub const CRYSTAL_HZ: u32 = 12_000_000;
     /// STM32F405.
     pub const CHIP_ID: u32 = 0x413;

@@ -78,7 +78,7 @@ mod board {
     pub const NAMES: &[BoardName] = &headway_firmware::board::octopus::NAMES;
     pub const MUST_BE_NAMED: bool = true;
 
-    /// The crystal beside the chip.
+    /// The crystal of the chip.
     pub const CRYSTAL_HZ: u32 = 12_000_000;
     /// STM32F446.
     pub const CHIP_ID: u32 = 0x421;

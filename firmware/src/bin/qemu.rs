@@ -167,7 +167,7 @@ mod board {
         }
     }
 
-    /// Every other interrupt: the button, or a stop that was asked for.
+    /// Every other interrupt: the button, or a requested stop.
     #[exception]
     unsafe fn DefaultHandler(_number: i16) {
         let pressed = BUTTON.receive().is_some();
@@ -186,7 +186,7 @@ mod board {
     /// Bytes of the link, as they come; a second line has none.
     struct Bytes {
         is_link: bool,
-        /// One has come since this was last looked at.
+        /// One has arrived since the last check.
         heard: bool,
     }
 

@@ -89,7 +89,7 @@ mod bench {
     /// Bytes that a line hands over at once.
     const PACKET_BYTES: usize = 64;
 
-    /// The piece under way, and the longest lock of each.
+    /// The current piece of work, and the longest lock of each.
     static PIECE: AtomicUsize = AtomicUsize::new(BYTES);
     static LOCKS: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
 
@@ -117,7 +117,7 @@ mod bench {
         (PORTS + port * PORT_BYTES + SET_RESET) as *mut u32
     }
 
-    /// True if direction pins were written since it was last asked: one port has no others.
+    /// True if direction pins were written since the last call: one port has no others.
     fn take_turned() -> bool {
         let turned = port(DIRECTION[7].0);
         // SAFETY: as above.

@@ -53,7 +53,8 @@ impl Default for Packet {
 /// Fills `incoming` with bytes that have arrived, once all earlier ones have been read. A line with an
 /// error has none.
 pub fn fetch<L: Line>(line: &mut L, incoming: &mut Incoming) {
-    // It is asked in each round, whether or not there is room: a USB device answers its host by it.
+    // It is queried in each round, whether or not there is room: a USB device answers its host by
+    // it.
     if let Ok(true) = line.read_ready()
         && incoming.from == incoming.to
         && let Ok(length) = line.read(&mut incoming.packet.0)

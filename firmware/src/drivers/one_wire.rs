@@ -141,7 +141,7 @@ impl<W: Wires, C: BitClock> DriverPort for OneWire<W, C> {
         self.wires.release(motor);
         let mut bits_max = ANSWER_BITS_MAX;
         let (mut came, mut is_whole) = (0, true);
-        // What follows a broken byte is heard too, so that nobody speaks against it.
+        // Bytes after a broken one are received too, so that there is no collision with them.
         for place in reply {
             match self.receive(motor, bit_clocks, bits_max) {
                 Heard::Byte(byte) if is_whole => {

@@ -113,7 +113,7 @@ impl DriverService {
 
     /// Queries the next driver, or sets it up if necessary.
     pub fn turn(&mut self, port: &mut impl DriverPort) {
-        // Those that stand alone are passed over.
+        // Stand-alone ones are skipped.
         for _ in 0..self.drivers.len() {
             let motor = self.next;
             self.next = if motor + 1 < self.drivers.len() {

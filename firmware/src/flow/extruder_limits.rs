@@ -67,7 +67,7 @@ impl ExtruderGuard {
             / (servo_hz * servo_hz)
             * ONE_STEP_WAY;
         let slack = rounding(extruder, servo_hz);
-        // Conversions saturate: a limit beyond what a way holds cannot be exceeded.
+        // Conversions saturate: a limit beyond the range of a displacement cannot be exceeded.
         let most = |limit: f64, margin: f64| ((limit * margin + slack) as u32).min(i32::MAX as u32);
         Self {
             way_limit: (way as u32).max(1),

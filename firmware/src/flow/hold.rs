@@ -78,8 +78,8 @@ impl Hold {
         })
     }
 
-    /// The head may go on as far as the path is concerned: true if the melt is ready too. Gives
-    /// the prime that is due now, if one is.
+    /// The path permits the head to continue: true if the melt is ready too. Gives the prime that
+    /// is due now, if one is.
     pub fn ready(&mut self, flow_active: bool) -> (bool, Option<FlowEvent>) {
         match self.melt {
             Melt::AsPlanned => (true, None),

@@ -93,7 +93,7 @@ impl FlowWindow {
 /// Flow override: what is deposited above or below the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct FlowScaling {
-    /// Something was asked since the last declaration.
+    /// There was a request since the last declaration.
     is_asked: bool,
     wanted_q16: u32,
     factor_q16: u32,
@@ -139,7 +139,7 @@ impl FlowScaling {
         Target::of_distance(self.extra)
     }
 
-    /// Starts anew from a declared position; the factor stays.
+    /// Restarts from a declared position; the factor stays.
     fn settle(&mut self) {
         self.factor_q16 = self.wanted_q16;
         self.is_asked = self.wanted_q16 != UNSCALED_Q16;

@@ -8,7 +8,7 @@ use crate::configuration::heat::PERIOD_S;
 
 /// Above it a hot end needs its fan, °C: below, no plastic softens.
 const HOT_C: f32 = 50.0;
-/// The controller's fan goes on for so long, s.
+/// Run-on time of the controller's fan, s.
 const AFTER_RUN_S: f32 = 30.0;
 /// A fan takes this long to start, and may be without a turn for as long, s.
 const STALL_S: f32 = 3.0;

@@ -105,7 +105,7 @@ pub struct View {
     pub expected: f32,
 }
 
-/// Where a heater is on its way to the target.
+/// State of a heater relative to its target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Approach {
     /// Not heating up: at the target, or given up.
@@ -198,7 +198,7 @@ impl Guard {
             Err(cause) => cause,
         };
         self.bad_periods = self.bad_periods.saturating_add(1);
-        // A second hot end that is not there may stay away, as long as nobody heats it.
+        // A second hot end may be absent, as long as it is not heated.
         let matters = heats || cause == HeatCause::OverTemperature;
         Err((matters && self.bad_periods >= BAD_PERIODS).then_some(cause))
     }
@@ -213,7 +213,7 @@ impl Guard {
         (self.frozen_s >= FROZEN_S).then_some(HeatCause::SensorFrozen)
     }
 
-    /// Too slow on the way to the target, or away from it later.
+    /// Too slow in heating up, or off the target later.
     fn follow(
         &mut self,
         heater: &HeaterConfiguration,

@@ -154,7 +154,7 @@ impl Heater {
     }
 }
 
-/// A share between 0 and 1; what is no number is 0.
+/// A share between 0 and 1; a value that is not a number is 0.
 fn unit_share(value: f32) -> f32 {
     if value > 0.0 { value.min(1.0) } else { 0.0 }
 }
@@ -168,7 +168,7 @@ pub struct Heat {
     fault: Option<HeatFault>,
     silent_s: f32,
     paused_s: f32,
-    /// A heater is hot or heats without being asked, whatever was latched first.
+    /// A heater is too hot or heats without a command, whatever was latched first.
     stays_on: bool,
     stays_on_s: f32,
 }
@@ -218,7 +218,7 @@ impl Heat {
         let mut heats = false;
         for (index, heater) in self.heaters.iter_mut().enumerate() {
             let asked_c = orders.targets_c.get(index).copied().unwrap_or(0.0);
-            // What is no number is off, too.
+            // A value that is not a number means off, too.
             let asked_c = if asked_c > 0.0 {
                 asked_c.min(heater.configuration.target_max_c())
             } else {

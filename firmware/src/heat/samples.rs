@@ -8,7 +8,7 @@ use super::guard::HeatCause;
 
 /// Full scale of the converter.
 pub const FULL_SCALE: u16 = 4095;
-/// Fewer conversions than this in a period are none: Klipper takes 8.
+/// Fewer conversions than this in a period do not count: Klipper takes 8.
 const SAMPLES_MIN: u16 = 8;
 
 /// Conversions of the present period.

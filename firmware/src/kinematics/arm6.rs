@@ -184,7 +184,7 @@ impl<R: Real> Arm6<R> {
             height * self.c3 - at_elbow * self.a2,
             at_elbow * self.c3 + height * self.a2,
         );
-        // Both points lie as far out as these say; their product turns by joints 2 and 3 together.
+        // Both points are at the distance of these; their product turns by joints 2 and 3 together.
         let both = R::of(4.0) * square * c2 * c2 * self.forearm_square;
         let s23 = (s2 * c3_ + c2_ * s3) / both;
         let c23 = (c2_ * c3_ - s2 * s3) / both;

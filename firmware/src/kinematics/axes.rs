@@ -73,8 +73,8 @@ pub const POLAR_WINDS: u8 = 0b1010;
 /// How far the tool axis may be off the cone of a single axis, as the cosine's difference: what a fit within
 /// 0.1 mrad and the rounding of files leave.
 const CONE_SLACK: f64 = 1e-3;
-/// Square of the tool axis' part across the axis that turns with it, below which it lies along it: a microradian, a
-/// unit of the wire, where that axis is Z and single precision has all digits there;
+/// Square of the tool axis's component across the axis that turns with it, below which it counts as parallel: a
+/// microradian, a unit of the wire, where that axis is Z and single precision has all digits there;
 const ALONG_SQUARE: f64 = 1e-12;
 /// within 1.8° elsewhere, where the pose is refused, as a gantry's is.
 const BESIDE_SQUARE_MIN: f64 = 1e-3;
@@ -125,7 +125,7 @@ impl<R: Real> Axis<R> {
 pub struct Axes<R> {
     first: Axis<R>,
     second: Option<Axis<R>>,
-    /// The nozzle's axis with all joints at 0: leans from Z towards X.
+    /// The nozzle's axis with all joints at 0: is tilted from Z towards X.
     tool: Vector3<R>,
     polar: bool,
     /// The sign of z's share of u_1 x u_2 is negative; a polar table has the tip beyond its centre.
@@ -316,7 +316,7 @@ impl<R: Real> Axes<R> {
                 return Err(KinematicsError::Singular);
             }
         } else if beside_square <= R::of(ALONG_SQUARE) {
-            // The tool axis lies along the axis that turns with it: this one stays at 0.
+            // The tool axis is along the axis that turns with it: this one stays at 0.
             if off.magnitude() > R::of(CONE_SLACK) {
                 return Err(KinematicsError::TiltOutOfReach);
             }

@@ -30,7 +30,7 @@ pub struct Pose<R: Real> {
 }
 
 impl<R: Real> Pose<R> {
-    /// Reads the pose channels (mm, mm, mm, rad, rad, rad, mm³); the volume is left out.
+    /// Reads the pose channels (mm, mm, mm, rad, rad, rad, mm³); without the volume.
     pub fn from_channels(natural: &[R; CHANNELS]) -> Self {
         Self {
             tip_mm: Vector3::new(natural[CHANNEL_X], natural[CHANNEL_Y], natural[CHANNEL_Z]),

@@ -72,8 +72,8 @@ impl Receiver {
         }
     }
 
-    /// Forgets the stream. Frames of it may still be under way, no more of them than fit the queues: the
-    /// next one's numbers begin behind those.
+    /// Forgets the stream. Frames of it may still be in transit, no more than fit the queues: the next
+    /// one's numbers begin after those.
     fn leave_stream(&mut self) {
         self.unpacking = None;
         if let Some(stream) = self.stream.take() {

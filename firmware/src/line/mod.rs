@@ -74,7 +74,7 @@ struct Stream {
     volume_units: i32,
 }
 
-/// What is to be said.
+/// Pending reports.
 #[derive(Clone, Debug, Default)]
 struct Due {
     welcome: bool,
@@ -85,7 +85,7 @@ struct Due {
     fault: bool,
 }
 
-/// Refusals that wait to be said. A message that would need one more is dropped as if it had been
+/// Refusals that wait to be sent. A message that would need one more is dropped as if it had been
 /// lost, and answered when the host repeats it.
 const REFUSALS_MAX: usize = 4;
 /// Lines that a host may be at the other end of: each has a decoder of its own, so that noise on one
@@ -120,7 +120,7 @@ pub struct Receiver {
     /// The message that completed them.
     settings_sequence: u16,
     due: Due,
-    /// Credit that the host was last told.
+    /// Credit last sent to the host.
     knot_limit_told: u32,
     /// Ticks of the last Nak and of the last status.
     nak_tick: u64,
@@ -230,7 +230,7 @@ impl Receiver {
                 }
             }
             Content::Unreadable(class) => self.unreadable(sequence, class),
-            // Before the end of the stream only: what comes behind it would be the next one's.
+            // Before the end of the stream only: later data would belong to the next one.
             _ if !motion.takes_stream() => self.misplaced(sequence, motion),
             Content::Flow(event) => self.take_event(&event, motion),
             Content::Finish(finish) => self.take_finish(finish, motion),
@@ -239,7 +239,7 @@ impl Receiver {
         }
     }
 
-    /// A message with a right CRC that is none, or has a field out of its range.
+    /// An invalid message with a valid CRC, or one with a field out of range.
     fn unreadable(&mut self, sequence: u16, class: MessageClass) {
         match class {
             // It may be of a host that speaks another version.
@@ -276,7 +276,7 @@ impl Receiver {
         log_event!("host {=u32:08x} says hello", hello.host_session);
         self.host_session = Some(hello.host_session);
         self.due.welcome = true;
-        // A host that comes later hears of it as well, and why the board has started anew.
+        // A later host gets it as well, and the reason for a restart of the board.
         self.due.fault = true;
     }
 
@@ -295,7 +295,7 @@ impl Receiver {
             }
             return false;
         }
-        // Only if a refusal of it could be said.
+        // Only if a refusal of it could be sent.
         let takes = !self.due.refusals.is_full();
         if takes {
             self.control_taken = sequence;
@@ -360,7 +360,7 @@ impl Receiver {
         };
         log_event!("the stream ends after {=u32} knots", finish.knots);
         let totals = finish.knots == stream.knots && finish.events == stream.events;
-        // An event behind the last span would never run.
+        // An event after the last span would never run.
         if totals && (stream.events == 0 || stream.event_span < stream.knots) {
             stream.next_sequence = stream.next_sequence.wrapping_add(1);
             motion.finish();
@@ -377,7 +377,7 @@ impl Receiver {
             index: 0,
             value: knots as i32,
         });
-        // A fault that was latched already is not told again.
+        // A fault that is already latched is not reported again.
         self.due.ack = true;
     }
 

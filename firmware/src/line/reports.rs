@@ -32,7 +32,7 @@ impl Receiver {
         encode_frame(self.report_sequence, message, out).unwrap_or(0)
     }
 
-    /// Finds out what is to be said without being asked.
+    /// Determines unsolicited reports.
     fn note_changes(&mut self, motion: &Motion) {
         let (state, fault) = (motion.state(), motion.fault());
         if state != self.last_state {

@@ -52,7 +52,7 @@ impl Receiver {
         swap(&mut self.report_sequence, &mut other.report_sequence);
     }
 
-    /// True for what a second line may not ask: it is answered.
+    /// True for requests that a second line may not make: it is answered.
     pub(super) fn refuses_watcher(&mut self, request: &Request) -> bool {
         if self.watched.is_none() || !request.content.needs_the_line() {
             return false;
@@ -92,7 +92,7 @@ impl Request {
     }
 }
 
-/// Questions, and what makes a machine slower, cooler or stand still: what is not named here is for the first line.
+/// Queries, and commands that make a machine slower, cooler or stop: what is not named here is for the first line.
 fn is_for_every_line(control: &Control) -> bool {
     matches!(
         control,

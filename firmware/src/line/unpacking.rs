@@ -18,7 +18,7 @@ use heapless::Vec;
 /// Knot n acts on spans n to n + 3.
 const SPANS_OF_KNOT: u32 = 4;
 
-/// A block under way: knots as decoded, of which some have been weighed.
+/// A block being unpacked: knots as decoded, of which some have been weighed.
 #[derive(Clone, Debug)]
 pub(super) struct Unpacking {
     sequence: u16,
@@ -90,7 +90,7 @@ impl Receiver {
 
 impl Unpacking {
     /// A block as it came; `None` if it is damaged.
-    // Its parts are large: they are not to be on the stack of whoever calls.
+    // Its parts are large: they should not be on the caller's stack.
     #[inline(never)]
     pub(super) fn new(sequence: u16, bytes: &[u8], stream: &Stream) -> Option<Self> {
         let mut predictor = stream.predictor;
@@ -123,7 +123,7 @@ impl Unpacking {
         self.refused.is_some() || self.weighed >= self.decoded.len()
     }
 
-    /// Computes what the next spans ask of the joints, up to one that cannot be run.
+    /// Computes the demands of the next spans on the joints, up to an invalid one.
     fn weigh(&mut self, loads: &LoadModel, most: usize) {
         for _ in 0..most.min(KNOTS_PER_BLOCK_MAX) {
             let (None, Some(knot)) = (self.refused, self.decoded.get(self.weighed)) else {

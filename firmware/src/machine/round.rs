@@ -111,7 +111,7 @@ pub fn take_bytes(
     false
 }
 
-// A message lies on the stack for as long as it is followed, not with the line's bytes.
+// A message is on the stack while it is executed, not with the line's bytes.
 #[inline(never)]
 fn apply(receiver: &mut Receiver, request: Request, controller: &mut impl Controller) {
     controller.command(|motion| receiver.apply(request, motion));

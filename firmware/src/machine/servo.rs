@@ -143,7 +143,7 @@ pub fn stop_if_due(motion: &mut Motion, steps: &mut impl StepSide) {
     if motion.take_stop() {
         steps.stop();
     }
-    // After a stop the motion goes on from where the motors are.
+    // After a stop the motion continues from the motors' positions.
     steps.tell_stopped(|stopped| motion.engine_stopped(stopped));
 }
 

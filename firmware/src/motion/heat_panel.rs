@@ -13,8 +13,8 @@ const PER_CELSIUS: f32 = 10.0;
 /// Thousandths.
 const PER_WHOLE: f32 = 1000.0;
 
-/// Periods at rest, 30 s, after which leave to extrude cold that nobody used is over: the host that asked
-/// for it has gone.
+/// Periods at rest, 30 s, after which an unused permission to extrude cold expires: the host that
+/// requested it has gone.
 const LEAVE_PERIODS: u16 = (30.0 / PERIOD_S) as u16;
 
 /// Periods from the board's start within which a sensor may not have been read yet: a second.
@@ -54,8 +54,8 @@ pub struct HeatPanel {
     /// Lowest temperatures at which melt may move, tenths of a degree; 0 where it does not matter.
     melt_from: Vec<u16, HEATERS_MAX>,
     cold_leave: ColdLeave,
-    /// The last temperatures that were known, tenths of a degree: what a sensor that fails makes of a
-    /// print is the heat guard's to say.
+    /// The last temperatures that were known, tenths of a degree: the heat guard handles a failing
+    /// sensor during a print.
     known: [Option<i16>; HEATERS_MAX],
     /// Periods since the board's start, up to [`FIRST_PERIODS`].
     periods: u8,
@@ -177,7 +177,7 @@ impl HeatPanel {
             ColdLeave::Next(periods) if rests && periods < LEAVE_PERIODS => {
                 ColdLeave::Next(periods + 1)
             }
-            // Moves on the way to a stream.
+            // Moves before a stream.
             leave if by_hand => leave,
             ColdLeave::Next(_) | ColdLeave::Running if !rests => ColdLeave::Running,
             _ => ColdLeave::None,
@@ -189,7 +189,7 @@ impl HeatPanel {
         self.heard = true;
     }
 
-    /// Whether one was, since this was last asked.
+    /// Whether there was one since the last call.
     pub(crate) fn take_heard(&mut self) -> bool {
         core::mem::take(&mut self.heard)
     }

@@ -70,7 +70,7 @@ impl Motion {
     }
 
     /// At rest, before a faulty stream is left: pulls the melt back where a heater was the cause, which
-    /// is still hot then. True while that goes on.
+    /// is still hot then. True while that continues.
     pub(super) fn pulls_back(&mut self) -> bool {
         let hot = self.fault.is_some_and(|fault| {
             matches!(

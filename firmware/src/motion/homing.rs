@@ -16,7 +16,7 @@ use crate::design::SWITCH_SETTLE_TICKS;
 use crate::motion::joint_move::{JointMove, MoveLimits};
 use crate::steps::STEP;
 
-/// What is under way.
+/// The current phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// The probe's pin is being deployed; then the next phase.
@@ -254,12 +254,12 @@ impl Homing {
         }
         let (way, limits) = match stage {
             Stage::Seek => (self.travel_max, self.fast),
-            // Twice the way back: the switch must be there.
+            // Twice the distance back: the switch must be there.
             Stage::Touch => {
                 let left = self.furthest.saturating_sub(here) * self.direction;
                 (left.min(2 * self.back_off), self.slow)
             }
-            // A switch that is pressed all around is none.
+            // A switch that is pressed over a full turn is not valid.
             Stage::Release if self.both_edges => (-self.travel_max, self.slow),
             Stage::Cross => (self.travel_max, self.slow),
             Stage::Release => (-2 * self.back_off, self.slow),

@@ -36,13 +36,13 @@ pub(super) struct Jog {
     route: Vec<(u8, i64), JOINTS_MAX>,
     begun: usize,
     pub(super) homing: Option<Homing>,
-    /// The homing under way is a probing.
+    /// The current homing is a probing.
     pub(super) probing: bool,
     pub(super) joint: usize,
     pub(super) mover: JointMove,
     /// Where the motors are to be.
     targets: [i64; MOTORS_MAX],
-    /// Extruder position less what the flow says.
+    /// Extruder position minus the flow's.
     extruder_offset: i64,
 }
 
@@ -51,7 +51,7 @@ impl Jog {
         let given = switches;
         let mut switches = given.clone();
         for switch in &mut switches.joints {
-            // A joint passes its index mark once a turn: settings may say what they like.
+            // A joint passes its index mark once a turn: settings may have any values.
             switch.guards &= !given.is_mark(switch.joint, machine);
         }
         Self {
@@ -78,7 +78,7 @@ impl Jog {
         self.homing.is_some() && self.probing
     }
 
-    /// Nothing is under way: a stop leaves what was.
+    /// Nothing is in progress: a stop leaves what was.
     pub(super) fn clear(&mut self) {
         self.homing = None;
         self.probing = false;

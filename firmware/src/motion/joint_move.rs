@@ -45,7 +45,7 @@ pub struct JointMove {
     /// Where the trapezoid is, and where it ends.
     position: i64,
     goal: i64,
-    /// Present speed along the way.
+    /// Current speed along the path.
     speed: f32,
     braking: bool,
     /// The last positions of the trapezoid, less `origin`, and their sum.

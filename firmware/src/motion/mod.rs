@@ -253,7 +253,7 @@ impl Motion {
         Some(self.joints.limit_fault(joint, position, cause))
     }
 
-    /// Lets a resting stream go on once enough is queued and the melt is ready.
+    /// Continues a resting stream once enough is queued and the melt is ready.
     fn gate(&mut self) {
         // The next span is prepared meanwhile.
         let prepared = self.interpolator.is_prepared();

@@ -105,7 +105,7 @@ impl Motion {
         fits.then_some((number, touch))
     }
 
-    /// Takes over how a probing goes on.
+    /// Copies the progress of a probing.
     pub(super) fn note_probe(&mut self, outcome: HomingOutcome, joint: usize, pressed: bool) {
         self.probe = match outcome {
             HomingOutcome::Moving => return,

@@ -33,8 +33,8 @@ impl Motion {
         self.note_rest(rate_q16, wanted_q16);
     }
 
-    /// True if nothing limits the rate that is wanted, as in nearly all ticks, so that the time warp need not
-    /// be asked: a steady one, or one from rest, of up to 1 where the outlook is free.
+    /// True if nothing limits the requested rate, as in nearly all ticks, so that the time warp need not be
+    /// evaluated: a steady one, or one from rest, of up to 1 where the outlook is free.
     #[inline(always)]
     fn is_unlimited(&mut self, wanted_q16: u32) -> bool {
         if wanted_q16 > TICK_Q16 || !self.interpolator.is_free(wanted_q16, &self.queue) {
@@ -85,7 +85,7 @@ impl Motion {
         rate_q16
     }
 
-    /// Rate that override and pause ask for, before any limit.
+    /// Rate requested by override and pause, before any limit.
     fn wanted_rate_q16(&self) -> u32 {
         match &self.state {
             State::Running(stream) if self.may_move(stream) => self.rate_asked_q16(),

@@ -5,7 +5,7 @@
 //! manual move follows no path, an engine that must be stopped plays nothing, only a stream pauses, waits for heat or
 //! has an end. Not covered: the latched fault, which may occur in any of them.
 
-/// How the motors stand while nothing moves them.
+/// State of the motors while nothing moves them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Standing {
     /// On the interpolator's pose; otherwise they stay where they are.
@@ -45,7 +45,7 @@ pub(super) enum Demand {
 }
 
 impl Demand {
-    /// Nobody asks for a rest.
+    /// No rest is requested.
     const MOVE: Self = Self::Go {
         pauses: false,
         heats: false,
@@ -112,10 +112,10 @@ pub(super) enum State {
 }
 
 impl State {
-    /// Nothing was asked for yet.
+    /// Nothing was requested yet.
     pub(super) const NEW: Self = Self::idle(Standing::left(false));
 
-    /// Nothing is under way.
+    /// Nothing is in progress.
     pub(super) const fn idle(standing: Standing) -> Self {
         Self::Idle {
             standing,
@@ -175,7 +175,7 @@ impl State {
         }
     }
 
-    /// An abort is under way.
+    /// An abort is in progress.
     #[inline(never)]
     pub(super) fn is_aborting(&self) -> bool {
         match self {
@@ -188,7 +188,7 @@ impl State {
         }
     }
 
-    /// How the motors stand, where nothing moves them.
+    /// State of the motors, if nothing moves them.
     #[inline(always)]
     pub(super) fn standing_mut(&mut self) -> Option<&mut Standing> {
         match self {

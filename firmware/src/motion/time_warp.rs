@@ -19,8 +19,8 @@ use crate::path::interpolator::TICK_Q16;
 use crate::path::load::SpanLoad;
 use crate::path::queue::Ceiling;
 
-/// Servo ticks in which a ramp that was asked for reaches its full slope: 8 ms at 2 kHz, a tenth of
-/// the rest from 150 mm/s.
+/// Servo ticks in which a requested ramp reaches its full slope: 8 ms at 2 kHz, a tenth of the rest
+/// from 150 mm/s.
 const SLOPE_TICKS: f32 = 16.0;
 
 /// Present rate, 2^-16.
@@ -107,7 +107,7 @@ impl TimeWarp {
         } else {
             (rate * TICK_Q16 as f32) as u32
         };
-        // Only a slope that was asked for is taken back: what a limit demands may end at once.
+        // Only a requested slope is reduced: what a limit demands may end at once.
         let asked = !bounds.at_rest && rate != wanted && (rate == ramped || rate < most);
         self.slope = if asked { rate - old } else { 0.0 };
         // Where the limits of what comes are tighter, both ceilings are one curve, and what the looser
@@ -120,7 +120,7 @@ impl TimeWarp {
 
 impl WarpBounds {
     /// From `old` towards `wanted` as fast as the joints allow, the slope built up from `last`; a slope
-    /// the other way is taken back first.
+    /// in the other direction is reduced first.
     fn ramped(&self, old: f32, wanted: f32, last: f32) -> f32 {
         if old == wanted || self.at_rest {
             return wanted;
@@ -191,7 +191,7 @@ impl WarpBounds {
             return rate;
         }
         let build_up = full * (1.0 / SLOPE_TICKS);
-        // From this slope to the full one downwards, as slowly as a ramp that is asked for.
+        // From this slope to the full one downwards, as slowly as a requested ramp.
         let slope = rate - old;
         let ticks = (slope + full) / build_up;
         if ticks <= 0.0 {
@@ -237,8 +237,8 @@ impl WarpBounds {
 }
 
 /// Change of rate in this tick, on a ramp with `way` to go whose last tick changed it by `last`: at most
-/// `full`, built up and taken back by `full / SLOPE_TICKS`. Negative while a ramp the other way is
-/// taken back.
+/// `full`, built up and taken back by `full / SLOPE_TICKS`. Negative while a ramp in the other direction
+/// is reduced.
 fn eased(full: f32, last: f32, way: f32) -> f32 {
     let build_up = full * (1.0 / SLOPE_TICKS);
     let risen = last + build_up;

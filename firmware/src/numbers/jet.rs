@@ -128,7 +128,7 @@ impl<R: Real, const N: usize> MulAssign for Jet<R, N> {
 }
 
 /// 1 / (m (m + 1)) of the nested series of cosine (odd m) and sine quotient (even m): with 17 terms
-/// each the first left out is below 1e-17 at 150°.
+/// each the first omitted one is below 1e-17 at 150°.
 const NESTED_TERMS: i32 = 17;
 
 impl<R: Real, const N: usize> Real for Jet<R, N> {

@@ -125,7 +125,7 @@ impl Real for f32 {
     }
 }
 
-/// Taylor coefficients 1/(2k)! with signs: the first term left out is 5e-9 at 150°.
+/// Taylor coefficients 1/(2k)! with signs: the first omitted term is 5e-9 at 150°.
 const COSINE_OF_SQUARE: [f32; 9] = [
     1.0,
     -0.5,
@@ -137,7 +137,7 @@ const COSINE_OF_SQUARE: [f32; 9] = [
     -1.147_074_6e-11,
     4.779_477_3e-14,
 ];
-/// Taylor coefficients 1/(2k+1)! with signs: the first term left out is 1.4e-8 at 150°.
+/// Taylor coefficients 1/(2k+1)! with signs: the first omitted term is 1.4e-8 at 150°.
 const SINC_OF_SQUARE: [f32; 8] = [
     1.0,
     -1.666_666_7e-1,

@@ -38,7 +38,7 @@ struct JointScale {
     /// places only.
     slack: i64,
     /// The same in whole steps, one further in because targets may be one off: the lowest, and what
-    /// may be added to it. Beyond it the exact position is looked at.
+    /// may be added to it. Beyond it the exact position is checked.
     lowest: i32,
     range: u32,
     /// 0.1 µm or µrad per step.

@@ -114,7 +114,7 @@ pub struct LoadModel {
     natural: [f32; CHANNELS],
 }
 
-/// The largest demands of joints and motors that were looked at.
+/// The largest demands of the evaluated joints and motors.
 struct Demand {
     alpha: f32,
     beta: f32,

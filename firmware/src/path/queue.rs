@@ -89,7 +89,7 @@ pub struct KnotQueue {
     queued_ticks: u32,
     /// The last span that was queued ends at rest.
     ends_at_rest: bool,
-    /// The backward pass under way.
+    /// The current backward scan.
     pass: Option<Pass>,
     knots: Deque<QueuedKnot, QUEUE_KNOTS>,
 }

@@ -7,8 +7,8 @@
 use super::{INTERVAL_TICKS_MAX, Stopped};
 use crate::configuration::MOTORS_MAX;
 
-/// One motor as it is played, 2^-31 steps and step ticks. In this order, so that what is written
-/// each tick lies side by side.
+/// One motor as it is played, 2^-31 steps and step ticks. In this order, so that the data written
+/// each tick are adjacent.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub(super) struct Motor {
@@ -19,7 +19,7 @@ pub(super) struct Motor {
 }
 
 impl Motor {
-    /// One step tick of a second-order integrator; bit 31 of the result says that a step is due.
+    /// One step tick of a second-order integrator; bit 31 of the result means that a step is due.
     #[inline(always)]
     pub(super) fn advance(&mut self) -> u32 {
         let old = self.phase;

@@ -12,7 +12,8 @@ use crate::design::{self, ADVANCE_WINDOW_TICKS_MAX};
 use crate::steps::WAIT_TICKS_MAX;
 use crate::steps::shaping::shapes;
 
-/// Largest way off the plan, motor steps: targets are told apart up to 512, less a tick's way (`steps/waiting_targets.rs`).
+/// Largest distance from the plan, motor steps: targets are told apart up to 512, less a tick's way
+/// (`steps/waiting_targets.rs`).
 const OFF_PLAN_STEPS_MAX: f64 = 400.0;
 
 /// Servo ticks of the window over which the flow is averaged, of 1 to [`ADVANCE_WINDOW_TICKS_MAX`].
@@ -72,7 +73,7 @@ impl Delays {
         let mut settle_ticks = line_ticks;
         for shape in shapes.iter().flatten() {
             let rest = libm::ceil(shape.length_ticks() - shape.delay_ticks()) as u32;
-            // One for the part of a tick, one for the way that ends there.
+            // One for the part of a tick, one for the displacement that ends there.
             settle_ticks = settle_ticks.max(line_ticks.saturating_add(rest).saturating_add(2));
         }
         (settle_ticks <= WAIT_TICKS_MAX).then_some(Self {

@@ -18,7 +18,7 @@ pub(super) struct Interval {
     per_way: i32,
     /// 2^(32 + 9 - 2) / N².
     per_bend: i32,
-    /// Half the way of the largest rate, 2^-22 steps an interval.
+    /// Half the displacement of the largest rate, 2^-22 steps per interval.
     pub(super) half_way_max: i32,
 }
 
@@ -43,7 +43,7 @@ impl Interval {
         ((i64::from(twice_mean) * i64::from(self.per_bend)) >> 32) as i32
     }
 
-    /// Mean velocity way / N.
+    /// Mean velocity, displacement / N.
     #[inline(always)]
     pub(super) fn velocity(&self, way: i32) -> i32 {
         ((i64::from(way) * i64::from(self.per_way)) >> WAY_SCALE_BITS) as i32

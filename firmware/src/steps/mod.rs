@@ -146,14 +146,14 @@ const TARGET_SHIFT: u32 = 9;
 /// Fraction bits of a target: 2^-22 step.
 const TARGET_FRACTION_BITS: u32 = POSITION_FRACTION_BITS - TARGET_SHIFT;
 
-/// Fraction bits of a short way.
+/// Fraction bits of a short displacement.
 const NEAR_FRACTION_BITS: u32 = 16;
 /// One step as a short displacement.
 pub const NEAR_STEP: f32 = (1 << NEAR_FRACTION_BITS) as f32;
 /// Maximum displacement in steps for [`Target::moved_near`].
 pub const NEAR_STEPS_MAX: f32 = 32_000.0;
 
-/// One step as a difference of targets, a way.
+/// One step as a difference of targets, a displacement.
 pub(crate) const ONE_STEP_WAY: f64 = (1u32 << TARGET_FRACTION_BITS) as f64;
 
 /// A motor's target, in two words for speed: with `BIAS`, so that its integer part is the count.

@@ -9,7 +9,7 @@ use crate::configuration::motors::{COPIES_MAX, MotorMatrix};
 /// The same for the step generator.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MotorMix {
-    /// Places of the pair; two equal ones are none.
+    /// Places of the pair; two equal ones are not a pair.
     pair: [u8; 2],
     /// Where each copy is and what it repeats.
     copies: [[u8; 2]; COPIES_MAX],
@@ -108,7 +108,7 @@ impl MotorMix {
         self.copy(row);
     }
 
-    /// Further of the ways that the pair's motors make between two rows of joints, 2^-22 steps.
+    /// The larger displacement of the pair's motors between two rows of joints, 2^-22 steps.
     #[inline(always)]
     pub(crate) fn way(&self, from: &[i32; MOTORS_MAX], to: &[i32; MOTORS_MAX]) -> u32 {
         let Some([a, b]) = self.places() else {

@@ -15,8 +15,8 @@ pub trait StepOutput {
     fn set_directions(&mut self, directions: u8);
     /// One step of each motor in the mask (never 0) in step tick `tick`, counted from start-up.
     fn step(&mut self, tick: u64, motors: u8);
-    /// The same with a word for each motor, whose sign bit says whether it steps; in every tick.
-    /// Ports that take the words as they are save the mask.
+    /// The same with a word for each motor, whose sign bit is set if it steps; in every tick. Ports
+    /// that take the words as they are save the mask.
     #[inline(always)]
     fn begin_pulses_by_sign(&mut self, tick: u64, signs: &[u32; MOTORS_MAX]) {
         // The last motor first: the mask moves up, so that motor 0 ends in bit 0.
@@ -70,8 +70,8 @@ pub struct PortOutput<P> {
 }
 
 impl<P: Ports> PortOutput<P> {
-    /// For the first `motors` motors: direction pins of others are left alone. `inverted`: a mask
-    /// of motors whose direction pin is low for larger positions.
+    /// For the first `motors` motors: direction pins of others are unchanged. `inverted`: a mask of
+    /// motors whose direction pin is low for larger positions.
     pub fn new(ports: P, motors: usize, inverted: u8) -> Self {
         Self {
             ports,
@@ -148,7 +148,7 @@ impl<P: Ports> StepOutput for PortOutput<P> {
             match next {
                 Some(next) if next.0 == port => word <<= pin - next.1,
                 _ => {
-                    // A word without steps does nothing; to ask first costs more.
+                    // A word without steps does nothing; a test would cost more.
                     self.ports.write(port, word << pin);
                     word = 0;
                 }

@@ -23,7 +23,8 @@ pub struct StepRateExceeded {
     pub steps_per_interval: u32,
 }
 
-/// Largest change of a target in a tick, whole steps: beyond it the 32 bits of a way would wrap.
+/// Largest change of a target in a tick, whole steps: beyond it the 32 bits of a displacement would
+/// wrap.
 const JUMP_STEPS_MAX: u32 = 255;
 /// The same of a motor that two joints move, 2^-22 steps.
 const MIXED_WAY_MAX: u32 = (JUMP_STEPS_MAX + 1) << WAY_FRACTION_BITS;
@@ -167,7 +168,7 @@ impl StepProgrammer {
         places
     }
 
-    /// Near what the newest program was told, 2^-31 steps: motors.
+    /// Near the newest program's target, 2^-31 steps: motors.
     // Once for all who ask, and a loop: unrolled it would be kilobytes.
     #[inline(never)]
     fn about(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
@@ -381,7 +382,7 @@ impl StepProgrammer {
             steps_per_interval: 0,
         };
         for ((motor, track), before) in (0..).zip(&mut self.tracks).zip(row) {
-            // Known up to 1024 steps: what arrives is looked at before, so that no target jumps so far.
+            // Known up to 1024 steps: the input is checked before, so that no target jumps so far.
             let way = track.target.fine.wrapping_sub(*before) >> WAY_FRACTION_BITS;
             let steps_per_interval = way.unsigned_abs();
             track.target.whole = track.target.whole.wrapping_sub(way);
@@ -396,7 +397,7 @@ impl StepProgrammer {
         refused
     }
 
-    /// The motor that asks for most, and for how much.
+    /// The motor with the largest demand, and that demand.
     #[cold]
     fn refusal(&self) -> StepRateExceeded {
         let mut refused = StepRateExceeded {

@@ -21,7 +21,7 @@ const ONE: f64 = (1u32 << WEIGHT_BITS) as f64;
 #[derive(Clone, Copy, Debug, Default)]
 struct Tap {
     back: usize,
-    /// Weights of the way there and of the one a tick before it.
+    /// Weights of the displacement there and of the one a tick before it.
     near: i32,
     far: i32,
     last: i32,
@@ -35,7 +35,7 @@ pub(super) struct MotorShaper {
     taps: [Tap; IMPULSES_MAX],
     /// Impulses: y, 2^-52 steps. Averages: n² (y - what waited), 2^-22 steps.
     sum: i64,
-    /// Averages: n² times the last way, 2^-22 steps, and its change.
+    /// Averages: n² times the last displacement, 2^-22 steps, and its change.
     velocity: i64,
     bend: i64,
     /// What waited in the tick before.

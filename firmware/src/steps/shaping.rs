@@ -16,9 +16,9 @@ use heapless::Vec;
 
 /// Impulses of a shaper, at most.
 pub const IMPULSES_MAX: usize = 3;
-/// Residual vibration that EI leaves at the frequency it is tuned to, for more room beside it.
+/// Residual vibration that EI leaves at its tuned frequency, for a wider tolerance around it.
 const EI_TOLERANCE: f64 = 0.05;
-/// Lowest frequency that is looked at; how low it may be hangs on the line.
+/// Lowest frequency that is considered; how low it may be hangs on the line.
 const FREQUENCY_MIN_HZ: f64 = 1.0;
 /// Largest damping ratio: what is damped more does not ring.
 pub(crate) const DAMPING_MAX: f64 = 0.5;

@@ -9,8 +9,8 @@ use super::{TARGET_FRACTION_BITS, TARGET_SHIFT, Target};
 use crate::configuration::MOTORS_MAX;
 use crate::steps::waiting_targets::position_near;
 
-/// A way is a difference of targets: 512 steps fit 32 bits, so that a sum of two ways in the
-/// longest interval does.
+/// A displacement is a difference of targets: 512 steps fit 32 bits, so that a sum of two
+/// displacements in the longest interval does.
 pub(super) const WAY_SHIFT: u32 = TARGET_SHIFT;
 pub(super) const WAY_FRACTION_BITS: u32 = TARGET_FRACTION_BITS;
 
@@ -30,9 +30,10 @@ pub(super) struct MotorTrack {
     pub(super) end: u32,
     /// The same for all; here it needs no address of its own.
     pub(super) interval: Interval,
-    /// Mean velocity of the newest program, 2^-31 steps a tick: N of it are its way exactly.
+    /// Mean velocity of the newest program, 2^-31 steps a tick: N of it are exactly its
+    /// displacement.
     pub(super) mean: i32,
-    /// Negative if its direction pin will say backward when the newest program ends.
+    /// Negative if its direction pin will be backward at the end of the newest program.
     pub(super) facing: i32,
     /// The motor's in masks.
     pub(super) bit: u8,
@@ -132,7 +133,8 @@ impl MotorTrack {
     }
 }
 
-/// Half of half a step as a way, less more than rounding may hide; a constant that an instruction has.
+/// Half of half a step as a displacement, minus more than rounding may hide; a constant that an
+/// instruction has.
 const QUARTER_STEP_WAY: i32 = (1 << (WAY_FRACTION_BITS - 2)) - (1 << 12);
 
 /// Motors whose direction pins change: masks, bit m is motor m.

@@ -110,7 +110,7 @@ pub(super) struct Line {
     advanced: u8,
     /// A motor is shaped or mixed.
     shapes: bool,
-    /// Servo ticks until nothing of a target is on its way.
+    /// Servo ticks until a target has completely left the line.
     settle_ticks: u16,
 }
 
@@ -173,8 +173,8 @@ impl Line {
         *due
     }
 
-    /// How far what goes in is ahead of what comes out, 2^-31 steps: but for a tick's way, and what a
-    /// shaper takes it off its plan.
+    /// How far what goes in is ahead of what comes out, 2^-31 steps: except for a tick's
+    /// displacement, and a shaper's deviation from the plan.
     #[inline(never)]
     pub(super) fn held(&self, motor: usize, waiting: &WaitingTargets) -> i64 {
         let fine = |back: usize| waiting.rows[self.newest.wrapping_sub(back) % ROWS][motor];

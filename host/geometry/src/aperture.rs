@@ -234,7 +234,7 @@ impl Aperture {
 
     /// Extent e(alpha) across a wall whose normal is at `alpha_rad` from the major axis.
     pub fn extent_at_angle_mm(&self, alpha_rad: f64) -> f64 {
-        // Seen from the tool the normal lies at -alpha; the ellipse is the same either way.
+        // Seen from the tool the normal is at -alpha; the ellipse is the same in either case.
         let direction = match self {
             Aperture::Ellipse { .. } => Vector2::new(alpha_rad.cos(), alpha_rad.sin()),
             Aperture::Rounded(_) => Vector2::new(alpha_rad.cos(), -alpha_rad.sin()),

@@ -112,7 +112,7 @@ fn overlaid_once(
 }
 
 /// Thinner than this against the extent of all rings is what rounding leaves where outlines should
-/// meet: valid, but no ground.
+/// meet: valid, but without area.
 const HAIR_SHARE: f64 = 1e-9;
 
 fn is_hair(ring: &Ring, thickness_mm: f64) -> bool {

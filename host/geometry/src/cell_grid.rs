@@ -218,7 +218,7 @@ impl<T: Copy> SweptRows<T> {
     }
 
     /// Comes to columns of a row, and visits those that were not swept last in it, or all of them
-    /// where the sweep does not go on from that mark.
+    /// if the sweep does not continue from that mark.
     #[inline]
     pub fn for_new(
         &mut self,

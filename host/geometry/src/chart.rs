@@ -39,10 +39,10 @@ impl ChartJet {
 
 /// The plane of a plan, mapped onto a surface.
 pub trait Chart: Sync {
-    /// Place and derivatives of the ground.
+    /// Position and derivatives of the surface.
     fn jet(&self, at: Point2) -> ChartJet;
 
-    /// The frame so far above the ground.
+    /// The frame at a height above the surface.
     fn frame(&self, at: Point2, above_mm: f64) -> SurfaceFrame {
         SurfaceFrame::of(&self.jet(at), above_mm)
     }
@@ -62,7 +62,7 @@ pub trait Chart: Sync {
                 break;
             };
             let mut step = (inverse * right).cap_magnitude(STEP_MAX_MM);
-            // Where the ground bends much a whole step may lead away.
+            // Where the surface bends strongly a full step may diverge.
             let mut next = self.frame(at + step, above_mm);
             for _ in 0..HALVINGS_MAX {
                 if (point - next.tip_mm).norm_squared() <= off.norm_squared() {
@@ -112,7 +112,7 @@ impl Chart for SplineSurface {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PatchChart {
     splines: PatchSplines,
-    /// Vertices on the ground, mm, and where they lie in the chart.
+    /// Vertices on the surface, mm, and their positions in the chart.
     vertices: Vec<(Vector3<f64>, Point2)>,
     /// The largest distance of the surface from the vertices, mm, and its place.
     pub off_mm: f64,

@@ -123,7 +123,7 @@ pub fn scaled_clearance(
     }
 }
 
-/// The scaled distance that a gap stands for.
+/// The scaled distance of a gap.
 fn scaled_of_gap(aperture: &Aperture, gap_mm: f64) -> f64 {
     (1.0 + gap_mm / aperture.minor_mm()).max(0.0)
 }
@@ -271,7 +271,7 @@ const NEGLIGIBLE: f64 = 1e-5;
 const OUTLINE_ACCURACY: (f64, f64) = (1e-5, 0.002);
 /// Absolute (of the unit) and relative accuracy of depths inside the outline.
 const INSIDE_ACCURACY: (f64, f64) = (5e-4, 0.05);
-/// Bound on looks at one placement, far above what any took in tests.
+/// Bound on evaluations of one placement, far above the number in any test.
 const LOOKS_MAX: usize = 100_000;
 
 /// Edges that matter for depths up to `bound_mm`, each once.
@@ -298,7 +298,7 @@ fn edges_around(
         .collect()
 }
 
-/// Distance from `p` to the nearest of the edges, negative where the way from `inside` (a point of
+/// Distance from `p` to the nearest of the edges, negative if the path from `inside` (a point of
 /// the region) to `p` ends inside.
 fn depth_among(edges: &[Edge], inside: Point2, p: Point2) -> f64 {
     let way = p - inside;

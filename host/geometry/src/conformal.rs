@@ -12,7 +12,7 @@ use super::{Point2, Vector2};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 
-/// Area of a triangle below which it is none, against the square of its longest side.
+/// Area below which a triangle is degenerate, relative to the square of its longest side.
 const SLIVER: f64 = 1e-9;
 
 /// Why a patch is not flattened.

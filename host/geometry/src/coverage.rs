@@ -227,7 +227,7 @@ fn visit_band<'a>(
     }
 }
 
-/// Which cell centres of the band lie inside, by scanline.
+/// The cell centres of the band that are inside, by scanline.
 fn cells_inside(grid: &CellGrid, band: &CellWindow, walls: &EdgeIndex) -> Vec<bool> {
     let [first, last] = band.rows;
     let mut inside = vec![false; (last + 1 - first) * grid.columns];

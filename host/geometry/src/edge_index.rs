@@ -47,7 +47,7 @@ pub struct EdgeIndex {
     rows: usize,
     first: Vec<u32>,
     items: Vec<u32>,
-    /// Whether each cell's reference point is inside; found when first asked for.
+    /// Whether each cell's reference point is inside; found on first use.
     reference_inside: OnceLock<Vec<bool>>,
 }
 
@@ -387,7 +387,7 @@ impl EdgeIndex {
             for &number in &self.items[self.first[at] as usize..self.first[at + 1] as usize] {
                 let Edge { a, b } = self.edges[number as usize];
                 if super::polygon::crosses_ray(a, b, p) {
-                    // An edge lies in several cells: count it in the cell of its crossing only.
+                    // An edge is in several cells: count it in the cell of its crossing only.
                     let x = a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x);
                     let home = self
                         .clamp_column((x - self.bounds.min.x) / self.cell_mm)

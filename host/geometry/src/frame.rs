@@ -36,8 +36,8 @@ const WALKED_SHARES: [f64; 4] = [0.01, 0.03, 0.1, 0.3];
 /// Most edges walked to each side.
 const EDGES_WALKED_MAX: usize = 256;
 /// Coordinates are snapped on multiples of this (mm, rad): 10⁴ times what turning a part of 100 mm rounds
-/// (one coordinate in 10⁴ comes out a step beside), and no more: steps of 10⁻⁶ mm plan a sixth of
-/// the real slices another way. A power of two: round measures never lie halfway between multiples.
+/// (one coordinate in 10⁴ comes out a step beside), and no more: steps of 10⁻⁶ mm plan a sixth of the
+/// real slices another way. A power of two: round dimensions are never halfway between multiples.
 const SETTLED: f64 = 1.0 / (1 << 27) as f64;
 /// A snapped point this near the line of its neighbours was on it: each of the three moves by up to 0.7
 /// steps.
@@ -245,7 +245,7 @@ fn farthest(exterior: &Ring, centre: Point2) -> Vec<(f64, Option<usize>)> {
     farthest.map(direction).take(FARTHEST_MAX).collect()
 }
 
-/// A way in which a region can lie.
+/// An orientation of a region.
 struct Lie {
     frame: Frame,
     moments: [f64; 9],

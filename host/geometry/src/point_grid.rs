@@ -69,7 +69,7 @@ pub fn cell_of(place: Point2, cell_mm: f64) -> (i32, i32) {
     (number(place.x), number(place.y))
 }
 
-/// Largest number of a cell, either way.
+/// Largest number of a cell, in either direction.
 const CELL_MAX: f64 = 1e9;
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ pub fn orientation(a: Point2, b: Point2, c: Point2) -> Ordering {
         y: point.y,
     });
     let determinant = orient2d(a, b, c);
-    // No total order here: it tells -0 from 0.
+    // No total order here: it distinguishes -0 from 0.
     determinant.partial_cmp(&0.0).unwrap_or(Ordering::Equal)
 }
 

@@ -12,7 +12,7 @@ use super::Vector2;
 pub const CORNERS_MAX: usize = 64;
 /// Corners closer to the line between their neighbours than this are not corners, mm.
 const COLLINEAR_MM: f64 = 1e-7;
-/// The tool's axis must lie at least this far inside, mm.
+/// The tool's axis must be at least this far inside, mm.
 const AXIS_INSIDE_MM: f64 = 1e-3;
 /// Corners may miss their opposite by this share of the size in a shape of 180° symmetry.
 const SYMMETRY_SHARE: f64 = 1e-9;
@@ -438,7 +438,7 @@ impl RoundedPolygon {
     }
 }
 
-/// Drops corners that lie on the line between their neighbours, or on a neighbour.
+/// Drops corners on the line between their neighbours, or on a neighbour.
 fn drop_collinear(corners: &mut Vec<Vector2>) {
     let mut i = 0;
     let mut since_drop = 0;
@@ -480,7 +480,7 @@ pub fn row_range(corners: &[Vector2], radius: f64, y: f64) -> Option<[f64; 2]> {
             take(corner.x - half);
             take(corner.x + half);
         }
-        // Outward of a counter-clockwise side lies to its right; both shifts of a line are sides.
+        // The outside of a counter-clockwise side is to its right; both shifts of a line are sides.
         let next = corners[(i + 1) % corners.len()];
         let side = next - corner;
         let length = side.norm();

@@ -161,7 +161,8 @@ impl SplineSurface {
         )
     }
 
-    /// Control heights and weights about a place; beyond the grid its outermost pieces go on.
+    /// Control heights and weights about a place; beyond the grid its outermost pieces are
+    /// extended.
     fn place(&self, x: f64, y: f64) -> ([usize; 2], [[[f64; 4]; 3]; 2]) {
         let along = [x - self.low.x, y - self.low.y].map(|way| way / self.pitch_mm);
         let mut first = [0; 2];

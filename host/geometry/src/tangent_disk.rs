@@ -23,7 +23,7 @@ pub fn tangent_disk_radius_mm(index: &EdgeIndex, p: Point2, normal: Vector2) -> 
     let reach_max_mm = size.norm() + (p - index.bounds().min).norm();
     let mut reach_mm = index.cell_mm().min(reach_max_mm);
     loop {
-        // Everything the disk of radius `reach_mm` can touch lies in its own box.
+        // Everything the disk of radius `reach_mm` can touch is in its own box.
         let center = p + normal * reach_mm;
         let area = Box2 {
             min: center,

@@ -9,7 +9,7 @@ use super::edge_index::Edge;
 use super::predicates::orientation;
 use std::cmp::Ordering;
 
-/// Pairs of edges looked at.
+/// Pairs of edges sampled.
 const SAMPLE: usize = 200_000;
 /// Fewer edges than this cannot cross too often.
 const EDGES_MIN: usize = 2000;

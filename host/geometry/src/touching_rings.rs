@@ -26,7 +26,7 @@ pub fn turned_back(region: Region) -> Vec<Region> {
     let behind: Option<Vec<usize>> = edges
         .iter()
         .map(|&(from, at)| {
-            // The inside lies clockwise of the way back.
+            // The inside is clockwise of the way back.
             let back = from - at;
             let turn_rad = |edge: &usize| {
                 let out = edges[*edge].1 - at;
@@ -71,7 +71,7 @@ fn rings_along(edges: &[(Point2, Point2)], behind: &[usize]) -> Option<Vec<Ring>
     Some(rings)
 }
 
-/// Rings about the inside with the holes that lie in them.
+/// Rings about the inside with the holes in them.
 fn regions_of(rings: Vec<Ring>) -> Vec<Region> {
     let (exteriors, holes): (Vec<_>, Vec<_>) = rings
         .into_iter()
@@ -82,7 +82,7 @@ fn regions_of(rings: Vec<Ring>) -> Vec<Region> {
         holes: Vec::new(),
     };
     let mut regions: Vec<Region> = exteriors.into_iter().map(region).collect();
-    // Before any has its holes: one may lie in a hole of another.
+    // Before any has its holes: one may be in a hole of another.
     let around = |hole: &Ring| {
         // Not a vertex, which may be the exterior's as well.
         let inner = nalgebra::center(&hole.points[0], &hole.points[1]);

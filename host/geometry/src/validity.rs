@@ -114,7 +114,7 @@ pub enum ValidityError {
         /// One of the touching points.
         at_mm: [f64; 2],
     },
-    /// Edges that lie closer together than can be looked at one by one.
+    /// Edges that are too close together to be checked one by one.
     #[error(
         "its {edges} edges lie so close together that {pairs} pairs of them would have to be compared: simplify the \
          drawing, a micrometre is finer than any bead"
@@ -189,8 +189,8 @@ pub fn validate_apart(regions: &[Region]) -> Result<(), ValidityError> {
             found = Some((region_of[i], region_of[j], p));
         }
     });
-    // Nothing crosses: then two regions share ground exactly where the exterior of one runs inside
-    // the other, and it does so with all of its edges.
+    // Nothing crosses: then two regions overlap exactly where the exterior of one is inside the
+    // other, with all of its edges.
     for (number, region) in regions.iter().enumerate() {
         if found.is_some() {
             break;
@@ -223,7 +223,7 @@ fn middles_to_ask(ring: &Ring) -> Vec<Point2> {
 }
 
 /// Those of some rings, or sets of rings, that wind around `p` an odd number of times, ascending:
-/// `of` says which one an edge belongs to.
+/// `of` gives the one that an edge belongs to.
 fn rings_around(index: &EdgeIndex, of: &[usize], p: Point2) -> Vec<usize> {
     let mut crossed = Vec::new();
     index.for_crossings(p, |edge| crossed.push(of[edge]));

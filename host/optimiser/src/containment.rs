@@ -23,7 +23,7 @@ const REACH_USED: f64 = 0.9;
 const NEAR2: f64 = 1.1;
 /// Gap beyond which an edge cannot cost anything to a polygon, in a.
 const NEAR: f64 = 0.05;
-/// A wall that rises by less than this share of its length lies across a direction.
+/// A wall that rises by less than this share of its length is across a direction.
 const LEVEL: f64 = 1e-6;
 /// The margin must stay below what [`NEAR2`] spares; and slack across the aperture for the sharper end of it.
 const ACROSS: f64 = 1.5;
@@ -302,7 +302,7 @@ impl<'a> Containment<'a> {
         }
     }
 
-    /// Seeks the edges near a span anew where it has moved too far since.
+    /// Searches the edges near a span again if it has moved too far since.
     fn seek(&mut self, knots: &[Knot], span: usize) {
         let near = &mut self.near[span];
         let mut moved = 0.0f64;

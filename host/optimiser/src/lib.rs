@@ -44,9 +44,9 @@ use headway_geometry::place_scale::ScaleField;
 use headway_geometry::plane_curve::PlaneControl;
 use headway_geometry::polygon::Region;
 
-/// What of a bound of curves is asked for: what exceeds it costs, so that a few per cent are exceeded (trials).
+/// Required share of a bound of curves: what exceeds it costs, so that a few per cent are exceeded (trials).
 const KEPT_SHARE: f64 = 0.93;
-/// Places of a span at which walls are looked at.
+/// Points of a span at which walls are checked.
 const WALL_PLACES: usize = 8;
 
 /// A pass as a uniform cubic B-spline with natural ends: phantom points P_{-1} = 2 P_0 - P_1 make it begin and end

@@ -10,7 +10,7 @@ use super::curve::{Basis, CHANNELS, Knot, PACE, PassKnots, Units, blend};
 use super::terms::Terms;
 use crate::pose_limits::PoseLimits;
 
-/// Places of a span at which limits are looked at; the first and last just inside it.
+/// Points of a span at which limits are checked; the first and last just inside it.
 const PLACES: usize = 3;
 const PLACES_FROM: f64 = 0.02;
 /// Orders of derivatives: 1 velocity, 2 acceleration, 3 jerk.

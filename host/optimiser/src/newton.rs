@@ -11,7 +11,7 @@ use super::ground::Ground;
 use super::motion::Motion;
 use super::terms::Terms;
 
-/// Weight of limits, price of what is outside and blur of the ground's price: from soft to hard.
+/// Weight of limits, price of poses outside and blur of the area's price: from soft to hard.
 const LIMITS: [f64; 2] = [2.0, 100.0];
 const OUTSIDE: [f64; 2] = [12e3, 240e3];
 const BLUR: [f64; 2] = [0.3, 0.08];
@@ -203,7 +203,7 @@ impl<'a> Newton<'a> {
         }
     }
 
-    /// The objective anew with harder limits.
+    /// The objective with harder limits.
     fn harden(&mut self, level: usize) {
         self.hardness = Hardness::at(level);
         let (knots, passes) = (&self.knots, &self.passes);
@@ -240,7 +240,7 @@ impl<'a> Newton<'a> {
             .copied()
             .fold(f64::NEG_INFINITY, f64::max);
         let best = self.recent.iter().copied().fold(f64::INFINITY, f64::min);
-        // False where the value is no number.
+        // False if the value is not a number.
         let is_better = terms.sum() < worst.min(best * ABOVE_BEST) - GAIN_MIN;
         self.is_swept = is_better;
         if !is_better {

@@ -48,7 +48,7 @@ pub enum Found {
     None {
         /// Of the places.
         place: usize,
-        /// Of what stands.
+        /// Of the obstacles.
         point: usize,
     },
     /// More than `CAPS_MAX` caps.

@@ -138,7 +138,7 @@ impl HeadProfile {
             let side_mm = from_mm + slope * (height_mm - low_mm) - from_axis_mm;
             let side_mm = side_mm / slope.hypot(1.0);
             let inside_mm = side_mm.min(height_mm - low_mm).min(high_mm - height_mm);
-            // A section that stands on a wider or an equal one goes on below: only its own step is a face.
+            // A section on top of a wider or an equal one is continued below: only its own step is a face.
             let open_mm = side_mm.min(height_mm - low_mm);
             deepest_mm = deepest_mm.max(if height_mm <= high_mm {
                 open_mm

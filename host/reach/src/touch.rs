@@ -37,7 +37,7 @@ pub struct Head<'a> {
     pub slack_mm: f64,
 }
 
-/// How far a head may have moved from the pose that is looked at, to each side.
+/// Possible displacement of a head from the evaluated pose, to each side.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Motion {
     along_mm: f64,

@@ -9,7 +9,7 @@ use headway_firmware::steps::output::{Pin, Ports};
 pub const PORT_BYTES: usize = 0x400;
 /// Sets (low half) and resets (high half) pins of a port at once.
 pub const SET_RESET: usize = 0x18;
-/// Where the base lies from port A's registers: from here the step pins' ports (C to G) are all
+/// Offset of the base from port A's registers: from here the step pins' ports (C to G) are all
 /// within an instruction's reach, 255 bytes down and 4095 up.
 const BASE: usize = 2 * PORT_BYTES + SET_RESET + 4;
 

@@ -101,7 +101,7 @@ fn confirmed(inputs: Inputs) -> Inputs {
     }
 }
 
-/// The emergency input has opened, or a stop is asked for.
+/// The emergency input has opened, or a stop is requested.
 #[interrupt]
 fn EXTI9_5() {
     runtime::stop_interrupt(emergency_input::take());
@@ -408,7 +408,7 @@ fn run() -> Option<()> {
     }
     let mut receiver = runtime::start(&board, parts.output, clocks, &mut core.SCB, &mut core.SYST)?;
     let unnamed = (known == Known::Unnamed).then_some(UNNAMED);
-    // A heater that failed says more than that its fault has hung the board.
+    // A heater's fault is more informative than the hang of the board that it caused.
     let of_before = start::kept_fault().or(by_watchdog);
     if let Some(fault) = wrong_board.or(unnamed).or(of_before) {
         with_motion(|motion| motion.fail_softly(fault));
@@ -419,7 +419,7 @@ fn run() -> Option<()> {
     let heat = HeatLoop::new(&configuration, &heaters(asked), parts.heat)?;
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
-    // What stands at a foreign board's pins nobody knows.
+    // It is unknown what is connected to another board's pins.
     let drivers = match known {
         Known::Foreign => DriversConfiguration::none(),
         Known::Unnamed | Known::Named => drivers,
@@ -467,7 +467,7 @@ unsafe fn HardFault(_: &cortex_m_rt::ExceptionFrame) -> ! {
     stop()
 }
 
-/// An interrupt that nobody has switched on.
+/// An interrupt that was not enabled.
 #[exception]
 unsafe fn DefaultHandler(_: i16) -> ! {
     stop()

@@ -86,7 +86,7 @@ impl KeptSettings {
 
     #[inline(never)]
     fn put(&mut self, record: &[u8]) -> bool {
-        // A pin that is high would stay so while the core stands still.
+        // A pin that is high would stay so while the core is stalled.
         heat::cut();
         heaters_off();
         start::patient_watchdog(true);

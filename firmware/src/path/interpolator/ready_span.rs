@@ -18,7 +18,7 @@ use headway_protocol::units::{
 /// c0..c3 of a cubic in servo ticks.
 type Cubic = [f32; 4];
 
-/// What a span asks of one motor. One address reaches all of it.
+/// Demands of a span on one motor. One address reaches all of it.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 struct MotorSpan {
@@ -127,7 +127,7 @@ impl ReadySpan {
         self.place = [[0.0; 4]; PLACE_CHANNELS.len()];
     }
 
-    /// Takes its ways in whole steps: exact, since a step has a power of two of parts.
+    /// Takes its displacements in whole steps: exact, since a step has a power of two of parts.
     #[cold]
     fn become_far(&mut self) {
         self.is_far = true;
@@ -137,7 +137,7 @@ impl ReadySpan {
     }
 }
 
-/// What joints follow beside the tilt on machines that follow the whole pose.
+/// Data that joints follow in addition to the tilt on machines that follow the complete pose.
 const PLACE_CHANNELS: [usize; 4] = [CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNEL_HEADING];
 
 /// The tilt's.

@@ -26,7 +26,7 @@ const VIOLATION_MAX: f64 = 0.01;
 /// Slack and complementarity to begin with.
 const SLACK_FIRST: f64 = 0.1;
 const MEAN_FIRST: f64 = 0.05;
-/// Share of the way to the nearest bound that a step goes.
+/// Share of the distance to the nearest bound that a step covers.
 const STEP_SHARE: f64 = 0.95;
 /// Largest share of itself that b loses in a step.
 const FALL_MAX: f64 = 0.7;

@@ -252,7 +252,7 @@ pub struct Visit {
 
 const FIRST: u32 = u32::MAX - 1;
 const NEVER: u32 = u32::MAX;
-/// Distance of a cell that the inside of the aperture passed over.
+/// Distance of a cell over which the interior of the aperture has moved.
 const WELL_INSIDE: f32 = -1e3;
 
 /// The visits of all cells: the newest of each in place, the few older ones after them.

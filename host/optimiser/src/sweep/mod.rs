@@ -33,7 +33,7 @@ use super::tool_scale::ToolScale;
 const POSES_A_SPAN: usize = 2;
 /// Where the direction of motion is taken at the ends of a pass, where it may be at rest.
 const END_SHARE: f64 = 0.05;
-/// A pose nearer to the one before than this, in a, a turn by its arc, is left out.
+/// A pose nearer to the previous one than this, in a, a turn by its arc, is skipped.
 const STEP_MIN: f32 = 1.0 / 15.0;
 /// Path between passes, in a: far more than a return takes.
 const BETWEEN_PASSES: f32 = 20.0;
@@ -136,7 +136,7 @@ pub struct Contact {
     pub curvature: f32,
 }
 
-/// Contacts of one pose while the next is looked at: which of the two sides of each is joined.
+/// Contacts of one pose while the next is evaluated: which of the two sides of each is joined.
 #[derive(Clone, Copy, Debug, Default)]
 struct Joined {
     first: usize,
@@ -309,7 +309,8 @@ impl<'a> Sweep<'a> {
         self.contacts.len() - 1
     }
 
-    /// Joins the contacts of pose `i` with the nearest of the pose before that face the same way.
+    /// Joins the contacts of pose `i` with the nearest of the pose before that face in the same
+    /// direction.
     fn join(&mut self, i: usize, before: &mut Joined, here: &mut Joined) {
         let [moved, turned] = self.poses[i].motion_from(&self.poses[i - 1]);
         let reach = JOIN_REACH * (moved + turned) + JOIN_SLACK;
@@ -349,7 +350,7 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// Clears `visible` where an outline point of pose `i` lies inside pose `other`, by more than a tolerance that
+    /// Clears `visible` where an outline point of pose `i` is inside pose `other`, by more than a tolerance that
     /// grows with the motion between them.
     fn hide(&self, i: usize, other: usize, visible: &mut [bool]) {
         let (own, over) = (&self.poses[i], &self.poses[other]);

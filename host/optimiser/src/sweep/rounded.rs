@@ -215,7 +215,7 @@ impl Rounded {
         touches
     }
 
-    /// The outline at a share of what lies between an element and the point after it.
+    /// The outline at a share of the distance between an element and the point after it.
     fn between(&self, element: &Element, next: &OutlinePoint, share: f32) -> OutlinePoint {
         let mix =
             |a: [f32; 2], b: [f32; 2]| [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])];
