@@ -49,7 +49,7 @@ pub struct Part {
     pub(super) what: What,
     pub(super) keep_out: Vec<Region>,
     pub(super) at_mm: Option<[f64; 3]>,
-    /// What an outline is laid on.
+    /// The surface of an outline.
     pub(super) surface: Option<Mesh>,
 }
 
@@ -65,7 +65,7 @@ pub(super) enum What {
 
 impl Part {
     /// Polygons, each a list of rings in mm: its exterior, then its holes. A first point that is repeated
-    /// at the end is dropped; rings may turn either way.
+    /// at the end is dropped; rings may have either orientation.
     ///
     /// # Errors
     /// [`Error::Part`] if it is not a valid outline, with the place.

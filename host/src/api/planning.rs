@@ -161,7 +161,7 @@ fn planned(
     Ok(Planned::of_plan(plan, plan_s(), target, notes, settings))
 }
 
-/// A target without ground of its own.
+/// A target without area of its own.
 fn unfilled(part: &Part) -> Target {
     Target {
         name: part.name().to_string(),
@@ -215,7 +215,7 @@ fn planned_outline(
     Ok((target, planned))
 }
 
-/// Puts as many parts into the layers as are wanted, and says where they are.
+/// Puts the requested number of parts into the layers, and returns their positions.
 fn copied(
     layers: &mut [&mut Vec<Region>],
     options: &Options,

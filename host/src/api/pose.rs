@@ -11,7 +11,7 @@ use headway_firmware::kinematics::pose::Pose;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::Vector3;
 
-/// Slower tips have no direction that a bead is laid across, mm/s.
+/// Slower tips have no direction of travel, mm/s.
 const RESTS_MM_S: f64 = 1e-6;
 
 /// One moment of a job.
@@ -64,7 +64,7 @@ impl JobPose {
     }
 }
 
-/// The aperture's width across the tip's way, in the plane across the tool axis.
+/// The aperture's width across the tip's path, in the plane across the tool axis.
 fn width_mm(sample: &StreamSample, pose: &Pose<f64>, aperture: &Aperture) -> Option<f64> {
     if sample.mark.state != MotionState::Print {
         return None;

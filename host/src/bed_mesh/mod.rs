@@ -23,8 +23,8 @@ use headway_firmware::path::spline::SpanWindow;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, ChannelPoint, Units};
 use refined::refined;
 
-/// Longest way of a span along the bed, mm. Control points are moved, not the curve: between them a bed
-/// with the curvature m'' is missed by up to way² m'' / 6, 0.5 µm for a millimetre of warp in 100 mm.
+/// Longest span along the bed, mm. Control points are moved, not the curve: between them a bed with the
+/// curvature m'' is missed by up to way² m'' / 6, 0.5 µm for a millimetre of warp in 100 mm.
 const SPAN_MM: f64 = 2.0;
 /// Default height up to which the mesh applies fully, mm above Z 0: Klipper's `fade_start`.
 pub const FADE_START_MM: f64 = 1.0;
@@ -85,7 +85,7 @@ pub enum BedMeshError {
     Span {
         /// Start of the span in the job.
         at_s: f64,
-        /// What the board would say.
+        /// The board's refusal.
         fault: SpanFault,
     },
 }

@@ -16,7 +16,7 @@ pub enum CalibrationError {
     /// Too few lines to compare, or too many to print.
     #[error("--lines {lines}: write a number from 3 to {lines_max}")]
     Lines {
-        /// What was asked for.
+        /// The requested value.
         lines: u32,
         /// Most there may be.
         lines_max: u32,
@@ -72,7 +72,7 @@ pub enum CalibrationError {
         /// The machine's kinematics.
         kinematics: &'static str,
     },
-    /// More numbers than these lines tell apart.
+    /// More values than these lines can distinguish.
     #[error(
         "a {kinematics} machine has no single pivot length: its {key} are several numbers that these lines \
          do not tell apart; measure them with an indicator on the tip while the axes tilt, until it stands \

@@ -132,12 +132,12 @@ pub(super) fn run_of<'a>(name: &str, lines: impl Iterator<Item = &'a Line>) -> W
     }
 }
 
-/// Distance of neighbouring lines, mm: they do not touch, and a finger tells them apart.
+/// Distance of neighbouring lines, mm: they do not touch, and can be distinguished with a finger.
 pub(super) fn pitch_mm(settings: &Settings) -> f64 {
     (6.0 * settings.aperture.major_mm()).max(5.0)
 }
 
-/// Length of the lines, mm: what was asked for, or at most half the bed.
+/// Length of the lines, mm: the requested one, or at most half the bed.
 pub(super) fn length_mm(asked: Option<f64>, usual_mm: f64, settings: &Settings) -> f64 {
     let [low, high] = settings.work_area_mm;
     let half_mm = 0.5 * f64::min(high[0] - low[0], high[1] - low[1]);

@@ -22,7 +22,7 @@ pub use sweep::{RISE_HZ_S, Shaken, Sweep};
 use crate::input::waypoints::WaypointRun;
 use crate::settings::Settings;
 
-/// Most lines that step a value: more are not told apart on a bed.
+/// Most lines that step a value: more cannot be distinguished on a bed.
 const LINES_MAX: u32 = 41;
 
 /// The value to find.
@@ -251,7 +251,7 @@ fn check_asked(kind: PatternKind, asked: &Asked) -> Result<(), CalibrationError>
     in_range("--tilt", asked.tilt_deg, 2.0, 45.0)
 }
 
-/// The origin with which the lines' box lies in the middle of the work area, on the bed.
+/// The origin with which the lines' box is in the middle of the work area, on the bed.
 fn centred_mm(lines: &[Line], settings: &Settings) -> Result<[f64; 3], CalibrationError> {
     let points = || lines.iter().flat_map(|line| &line.points);
     let [low, high] = settings.work_area_mm;
@@ -272,7 +272,7 @@ fn centred_mm(lines: &[Line], settings: &Settings) -> Result<[f64; 3], Calibrati
     Ok(at_mm)
 }
 
-/// The stepped values: those asked for, or `from` to `to` in `lines` steps, within a range.
+/// The stepped values: the requested ones, or `from` to `to` in `lines` steps, within a range.
 fn values(
     asked: &Asked,
     [from, to]: [f64; 2],

@@ -241,7 +241,7 @@ fn lead_in(length_mm: f64, settings: &Settings) -> Line {
 }
 
 /// A volume, moved no faster than the machine's own and in no less time: a small one at the full rate would
-/// ask more of the motor than a large one.
+/// demand more of the motor than a large one.
 fn rate_mm3_s(volume_mm3: f64, own_mm3: f64, own_rate_mm3_s: f64) -> f64 {
     match volume_mm3 > 0.0 {
         true => own_rate_mm3_s * f64::min(1.0, volume_mm3 / own_mm3),
@@ -249,7 +249,7 @@ fn rate_mm3_s(volume_mm3: f64, own_mm3: f64, own_rate_mm3_s: f64) -> f64 {
     }
 }
 
-/// Lines with a prime of their own, behind the machine's retract.
+/// Lines with a prime of their own, after the machine's retract.
 pub(super) fn prime(asked: &Asked, settings: &Settings) -> Result<Drawn, CalibrationError> {
     let own = settings.prime_retract;
     if own.prime_mm3 <= 0.0 {
@@ -318,7 +318,7 @@ pub(super) fn retract(asked: &Asked, settings: &Settings) -> Result<Drawn, Calib
     })
 }
 
-/// A lead-in, and a line for each value with what it asks for.
+/// A lead-in, and a line for each value with its requests.
 fn stepped_lines(
     asked: &Asked,
     values: &[f64],

@@ -17,7 +17,7 @@ const LEG_MM: f64 = 60.0;
 const WALL_MM: f64 = 3.0;
 /// Most layers.
 const LAYERS_MAX: f64 = 60.0;
-/// Both legs are laid with the same width.
+/// Both legs are printed with the same width.
 const HEADING_DEG: f64 = 45.0;
 
 /// Walls with a corner, in either order of their legs.

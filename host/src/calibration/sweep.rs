@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 pub const RISE_HZ_S: f64 = 1.0;
 /// Usual first and last frequency, Hz: frames of printers ring at 20 to 80.
 const USUAL_HZ: [f64; 2] = [10.0, 100.0];
-/// What may be asked for, Hz.
+/// Permitted frequencies, Hz.
 const ASKED_HZ: [f64; 2] = [5.0, 150.0];
 /// Acceleration for each Hz, mm/s²: that of Klipper's test (`accel_per_hz`), whose speed stays the same.
 const ACCELERATION_PER_HZ: f64 = 60.0;
@@ -227,7 +227,7 @@ impl Making {
         let spans = (length_s / shake.span_s).round() as u32;
         let mut most_mm = 0.0f64;
         for span in 0..spans {
-            // A control point shapes four spans, and stands for their middle.
+            // A control point shapes four spans, and represents their middle.
             let t_s = shake.span_s * f64::from(span + 2);
             let hz = from + RISE_HZ_S * t_s;
             let phase = TAU * (from * t_s + 0.5 * RISE_HZ_S * t_s * t_s);

@@ -69,7 +69,7 @@ impl Row<'_> {
     }
 }
 
-/// Where a row beside another one begins, mm.
+/// Start of a row next to another one, mm.
 fn beside_mm(length_mm: f64, settings: &Settings) -> f64 {
     length_mm + longer_mm(settings) + 2.0 * pitch_mm(settings)
 }
@@ -134,7 +134,7 @@ fn pivot_length_mm(settings: &Settings) -> Result<f64, CalibrationError> {
     }
 }
 
-/// Pivot length: halves that lean to either side.
+/// Pivot length: halves that are tilted to either side.
 pub(super) fn pivot(asked: &Asked, settings: &Settings) -> Result<Drawn, CalibrationError> {
     let pivot_mm = pivot_length_mm(settings)?;
     let tilt_deg = asked.tilt_deg.unwrap_or(TILT_DEG);

@@ -26,7 +26,7 @@ pub enum CliError {
     File {
         /// The file.
         path: String,
-        /// What the system says.
+        /// The system's message.
         problem: std::io::Error,
     },
     /// The reader of the output has closed it: no message is needed.

@@ -30,7 +30,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => {
             let wrong = error.use_stderr();
-            // Help to a closed pipe is nobody's loss.
+            // Help to a closed pipe is not an error.
             let _ = error.print();
             return ExitCode::from(if wrong { 2 } else { 0 });
         }

@@ -38,11 +38,11 @@ struct Line {
     unsent: Vec<u8>,
     /// Its own conversation, while it is not the first one.
     receiver: Receiver,
-    /// When it said something whole last, or came.
+    /// Time of its last complete message, or of its connection.
     heard: Instant,
-    /// It has said something whole.
+    /// It has sent a complete message.
     has_spoken: bool,
-    /// It has asked for what needs the first line, and got it.
+    /// It has requested something that needs the first line, and got it.
     has_claimed: bool,
 }
 
@@ -147,7 +147,8 @@ impl Lines {
             let speaks_first = is_new && has_none;
             if speaks_first || (may_be_taken && request.needs_the_line()) {
                 let mut line = self.others.remove(number);
-                // A host that speaks first may be the last one on a new connection: its numbers go on.
+                // A host that speaks first may be the last one on a new connection: its numbers
+                // continue.
                 if !speaks_first {
                     machine.exchange_hosts(&mut line.receiver);
                 }
@@ -180,7 +181,7 @@ impl Lines {
         })
     }
 
-    /// What the board has to say to the first host.
+    /// The board's reports to the first host.
     pub(super) fn report(&mut self, machine: &mut Machine) {
         if let Some(line) = &mut self.first
             && line.say(&[]).is_err()
@@ -204,7 +205,7 @@ impl Lines {
         }
     }
 
-    /// What it has to say to the others.
+    /// Its reports to the others.
     pub(super) fn report_others(&mut self, machine: &Machine) {
         self.others.retain_mut(|line| {
             let mut out = [0u8; FRAME_BYTES_MAX];

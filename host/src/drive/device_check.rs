@@ -74,7 +74,7 @@ struct Board {
     servo_hz: u64,
     /// Segment time of what was sent.
     sent_ticks: u64,
-    /// Spans on their way: when each begins and where, in the stream's units.
+    /// Pending spans: when each begins and where, in the stream's units.
     places: VecDeque<(u64, [i64; CHANNELS])>,
 }
 

@@ -18,7 +18,7 @@ pub struct HeatOwner {
     given: [u8; HEATERS_MAX + 2],
 }
 
-/// Places of fan and leave behind those of the heaters.
+/// Indices of fan and permission after those of the heaters.
 const FAN: usize = HEATERS_MAX;
 const COLD: usize = HEATERS_MAX + 1;
 

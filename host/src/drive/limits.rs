@@ -73,7 +73,7 @@ pub struct LimitFigures {
     pub heading_travel_rad: f64,
 }
 
-/// Spans that one thread looks at, and that are held at the same time.
+/// Spans that one thread samples, and that are in memory at the same time.
 const SPANS_AT_ONCE: usize = 256;
 const SPANS_HELD: usize = 64 * SPANS_AT_ONCE;
 
@@ -176,7 +176,7 @@ fn window_looks(settings: &Settings) -> usize {
 }
 
 impl LimitFigures {
-    /// These figures and those of what comes behind.
+    /// These figures and those of the next part.
     fn with(mut self, next: LimitFigures) -> LimitFigures {
         let pairs = [
             (&mut self.velocity, next.velocity),
@@ -216,7 +216,7 @@ struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// A sampler that has looked at the spans `before` and will look at `spans`.
+    /// A sampler that has evaluated the spans `before` and will evaluate `spans`.
     fn new(
         marks: &'a [Mark],
         events: &[(f64, FlowEvent)],
@@ -470,7 +470,7 @@ impl Moment {
         derivatives
     }
 
-    /// Joints on the local Taylor polynomial, so that a knot is looked at from one side.
+    /// Joints on the local Taylor polynomial, so that a knot is evaluated from one side.
     fn joints(&self, kinematics: &Kinematics, time_s: f64) -> Option<[f64; JOINTS_MAX]> {
         let channels = std::array::from_fn(|c| {
             self.position[c]

@@ -82,7 +82,7 @@ pub enum LinkSpecError {
         "link: `{0}` is unknown; there are drop, flip, dup, reorder, truncate, delay, stall, pull and baud"
     )]
     UnknownKey(String),
-    /// A probability outside 0..=1 or no number.
+    /// A probability outside 0..=1 or not a number.
     #[error("link: {key}={value}: a probability is a number from 0 to 1, as in `{key}=0.01`")]
     Probability {
         /// Key.
@@ -194,7 +194,7 @@ fn outage(key: &str, value: &str) -> Result<Outage, LinkSpecError> {
     })
 }
 
-/// Bytes of one frame under way.
+/// Bytes of one frame in transit.
 #[derive(Debug)]
 struct Flight {
     /// When its first byte began to leave.

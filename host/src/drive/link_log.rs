@@ -152,7 +152,7 @@ pub enum Entry {
     Bytes {
         /// Time since the log began.
         at_us: u64,
-        /// Which way.
+        /// The direction.
         way: Way,
         /// The bytes.
         bytes: Vec<u8>,

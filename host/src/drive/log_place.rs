@@ -86,7 +86,7 @@ struct Reader {
     found: Option<LoggedStream>,
     /// Number of the stream's first frame.
     first_sequence: u32,
-    /// Lines are only looked at whether they can be read.
+    /// Lines are only checked for whether they can be read.
     stops: bool,
 }
 
@@ -123,7 +123,7 @@ impl Reader {
             Ok(HostMessage::Knots(_) | HostMessage::Flow(_) | HostMessage::Finish(_)) => {
                 let sent = self.found.map_or(0, |found| found.frames_sent);
                 let newest = self.first_sequence.wrapping_add(sent) as u16;
-                // Frames come again, and at most some dozens are under way.
+                // Frames are repeated, and at most some dozens are in transit.
                 let ahead = frame.sequence.wrapping_sub(newest);
                 if let (Some(found), 0..0x8000) = (&mut self.found, ahead) {
                     found.frames_sent += u32::from(ahead) + 1;

@@ -57,7 +57,7 @@ impl Pump {
     /// Opens the port, which must exist at the start.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn open(port: &Port, baud: u32, log: Option<LinkLog>) -> io::Result<Pump> {
         let transport = Some(OpenLine(port.open(baud)?));
         let begun = Instant::now();

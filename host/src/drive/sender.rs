@@ -27,19 +27,20 @@ use std::collections::VecDeque;
 
 /// How long the caller may wait between two polls.
 pub const POLL_INTERVAL_US: u64 = 5_000;
-/// Silence after which the controller is asked for its status.
+/// Silence after which the controller's status is queried.
 const KEEP_ALIVE_US: u64 = 200_000;
-/// Time without an acknowledgement after which one is asked for while the stream waits for credits
+/// Time without an acknowledgement after which one is requested while the stream waits for credits
 /// or for its end: news of them may have been lost. The queue is full then, and credits come by
 /// themselves as it empties, so this is rarely needed; every question takes a twelfth of a block.
 const KEEP_ALIVE_WAITING_US: u64 = 250_000;
-/// Time after which a host that waits says something, whatever it hears: a board that heats counts only what
-/// it hears, and switches off after 30 s ([`headway_firmware::heat::HOST_SILENT_S`]). Six times in that.
+/// Time after which a waiting host sends a message, whatever it receives: a board that heats counts only
+/// what it hears, and switches off after 30 s ([`headway_firmware::heat::HOST_SILENT_S`]). Six times in
+/// that.
 const SAY_SOMETHING_US: u64 = 5_000_000;
 /// Unanswered control messages after which every other one is a greeting.
 const TRIES_BEFORE_HELLO: u32 = 2;
-/// Bytes under way before an acknowledgement is awaited: 20 ms at 1 Mbaud, enough for USB's
-/// latency, little enough that a control message is never far behind.
+/// Bytes in transit before an acknowledgement is awaited: 20 ms at 1 Mbaud, enough for USB's
+/// latency, little enough that a control message is never delayed much.
 const WINDOW_BYTES: usize = 2048;
 
 #[path = "sender_inbound.rs"]
@@ -80,7 +81,7 @@ pub struct Sender {
     /// When the last acknowledgement came.
     answered_us: u64,
     asked_us: u64,
-    /// When anything was last said.
+    /// Time of the last message.
     said_us: u64,
     /// What was heard last, and whether it could not be read.
     last_message: Option<DeviceMessage>,
@@ -236,7 +237,7 @@ impl Sender {
                 None => continue,
                 Some(Ok(frame)) => {
                     let message = DeviceMessage::decode(frame.payload).ok();
-                    // Its CRC is right: it is the board that says it.
+                    // Its CRC is right: the board reports it.
                     self.unreadable = message.is_none();
                     message
                 }
@@ -271,7 +272,7 @@ impl Sender {
         Some(length)
     }
 
-    /// Makes the next control message the outstanding one, if none is on its way.
+    /// Makes the next control message the outstanding one, if none is in transit.
     fn choose_control(&mut self, now_us: u64) {
         if self.outstanding.is_some() {
             return;

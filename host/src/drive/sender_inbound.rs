@@ -70,11 +70,11 @@ impl Sender {
         }
     }
 
-    /// True if the controller greets us without the stream that it had acknowledged: it has
-    /// restarted, whatever session it names. An abort ends the stream before we hear of it.
-    /// A welcome that does not know our stream, while we stream. It may be an old one that was overtaken
-    /// on its way: the controller is greeted again, and believed if it says so twice with no
-    /// acknowledgement in between.
+    /// True if the controller greets us without the stream that it had acknowledged: it has restarted,
+    /// whatever session it names. An abort ends the stream before we hear of it. A welcome that does not
+    /// know our stream, while we stream. It may be an old one that was overtaken in transit: the
+    /// controller is greeted again, and the answer accepted if it is repeated with no acknowledgement in
+    /// between.
     fn look_for_loss(&mut self, welcome: &Welcome) {
         let answers = |outstanding: &Outstanding| {
             outstanding.what == ControlMessage::Hello && outstanding.sent_us.is_some()
@@ -156,7 +156,8 @@ impl Sender {
             }
         }
         let streams = matches!(self.state, SenderState::Streaming | SenderState::Finishing);
-        // Frames of the host before us may have been under way when the controller greeted us.
+        // Frames of the previous host may have been in transit when the controller sent its
+        // welcome.
         let most = match self.intent {
             Intent::ResumeOrStream | Intent::ResumeOnly => self.frames.len(),
             Intent::Stream | Intent::Talk => self.high_water,
@@ -205,7 +206,7 @@ impl Sender {
         self.retry_us = self.round_trip.retry_us();
     }
 
-    /// The controller asks for the frame after the acknowledged ones.
+    /// The controller requests the frame after the acknowledged ones.
     fn handle_gap(&mut self, now_us: u64) {
         if self.cursor <= self.acknowledged {
             return;
@@ -221,7 +222,7 @@ impl Sender {
 
     fn handle_refusal(&mut self, refusal: Refusal) {
         if refusal.reason == RefusalReason::NoHello {
-            // It has restarted, or never met us: its welcome tells.
+            // It has restarted, or never met us: its welcome has the answer.
             self.greet_next();
             return;
         }
@@ -244,7 +245,7 @@ impl Sender {
                 let job = self.frames.job();
                 self.fail(SenderError::StreamLost { job });
             }
-            // A second answer to what a repeat asked twice: it refuses nothing else.
+            // A second answer to a repeated query: it refuses nothing else.
             _ => {}
         }
     }

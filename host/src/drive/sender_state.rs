@@ -38,11 +38,11 @@ pub enum SenderState {
     Aborted,
     /// The machine has reached the end.
     Done,
-    /// It cannot go on.
+    /// It cannot continue.
     Failed(SenderError),
 }
 
-/// Why a stream cannot go on.
+/// Why a stream cannot continue.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum SenderError {
     /// Other protocol version.
@@ -89,7 +89,7 @@ pub enum SenderError {
         /// Its job.
         job: u32,
     },
-    /// There is nothing to go on with.
+    /// There is nothing to continue.
     #[error("the controller has no part of job {job:08x} to go on with; start it without --resume")]
     NothingToResume {
         /// Our job.
@@ -159,7 +159,7 @@ pub struct SenderFigures {
     pub credit_waits: u64,
 }
 
-/// A stream frame on its way.
+/// A stream frame in transit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct InFlight {
     pub(super) sent_us: u64,
@@ -167,7 +167,7 @@ pub(super) struct InFlight {
     pub(super) repeated: bool,
 }
 
-/// A control message on its way.
+/// A control message in transit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Outstanding {
     pub(super) sequence: u16,

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// How often the disk is asked.
+/// Period of syncs.
 const SYNC: Duration = Duration::from_secs(1);
 /// What waits in memory at most before it is written.
 const BUFFER_BYTES: usize = 8192;
@@ -27,7 +27,7 @@ pub struct SyncedFile {
     buffer: Vec<u8>,
     /// Line that ends a file which could not be written to its end; none is left once it is there.
     last_words: Option<&'static str>,
-    /// What the disk said when it was asked to keep what it has.
+    /// Result of syncing.
     lost: Arc<Mutex<Option<io::Error>>>,
     /// Dropped, it ends the thread.
     lives: Option<Sender<()>>,
@@ -39,7 +39,7 @@ impl SyncedFile {
     /// which it ends if it cannot be written any further.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn create(path: &Path, last_words: &'static str) -> io::Result<SyncedFile> {
         let mut options = File::options();
         options.read(true).write(true).create(true).truncate(true);
@@ -59,7 +59,7 @@ impl SyncedFile {
         let thread = std::thread::spawn(move || {
             loop {
                 let waited = ends.recv_timeout(SYNC);
-                // The system tells it once: it is kept for the next write.
+                // The system reports it once: it is kept for the next write.
                 if let Err(error) = synced.sync_data() {
                     let mut lost = found.lock().unwrap_or_else(PoisonError::into_inner);
                     lost.get_or_insert(error);
@@ -94,7 +94,7 @@ impl SyncedFile {
         if written.is_err()
             && let Some(words) = self.last_words.take()
         {
-            // Where not even that can be written the file ends as after a power cut.
+            // If not even that can be written the file ends as after a power failure.
             let _ = end_with(&mut self.file, words);
         }
         written
@@ -111,7 +111,7 @@ fn end_with(file: &mut File, words: &str) -> io::Result<()> {
     file.read_to_end(&mut tail)?;
     let room = tail.len().saturating_sub(words.len());
     let before = |room: usize| tail[..room].iter().rposition(|&byte| byte == b'\n');
-    // The first line stays: it says what the file is.
+    // The first line stays: it names the kind of file.
     let Some(line) = before(room).or_else(|| before(tail.len())) else {
         return Ok(());
     };

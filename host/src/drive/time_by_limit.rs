@@ -17,9 +17,9 @@ use std::collections::BTreeMap;
 const AT_LIMIT: f64 = 0.9;
 /// Way of a place, mm: about the width of the widest bead.
 const PLACE_MM: f64 = 1.0;
-/// Most places of a span that are looked at: every tick of all that do not crawl.
+/// Maximum number of points of a span that are evaluated: every tick of all that do not crawl.
 const LOOKS_A_SPAN: u16 = 512;
-/// How many places are told.
+/// Number of reported places.
 const PLACES: usize = 5;
 
 /// A slow stretch of about a millimetre of a pass.
@@ -77,7 +77,7 @@ impl TimeTally {
                 continue;
             };
             self.places.layer = mark.layer;
-            // Each place that is looked at stands for the ticks up to the next one.
+            // Each evaluated point represents the ticks up to the next one.
             let stride = span.duration_ticks.div_ceil(LOOKS_A_SPAN).max(1);
             for tick in (0..span.duration_ticks).step_by(usize::from(stride)) {
                 let ticks = stride.min(span.duration_ticks - tick);
@@ -208,7 +208,7 @@ struct Places {
 }
 
 impl Places {
-    /// A moment that stands for so many ticks of so many a second.
+    /// A time that represents a number of ticks of a given rate.
     fn add(&mut self, span: &Span, moment: &Moment, key: Key, [ticks, servo_hz]: [f64; 2]) {
         if self.ticks.is_empty() {
             let at = span.position(0.0);

@@ -25,9 +25,9 @@ use std::f64::consts::TAU;
 /// Joint speed from which step times are compared: at 1000 steps/s, 10⁻³ step of f32 rounding is 1
 /// us.
 pub const STEP_TIME_SPEED_MIN_STEPS_S: f64 = 1000.0;
-/// Servo ticks between two looks at the joints, to count their turns: 32 ms.
+/// Servo ticks between two samples of the joints, to count their turns: 32 ms.
 const TURNS_EVERY_TICKS: usize = 64;
-/// Servo ticks between two looks at what half a step can make.
+/// Servo ticks between two evaluations of the effect of half a step.
 const HALF_STEP_EVERY_TICKS: i64 = 64;
 
 /// How far the steps are from the plan.
@@ -144,7 +144,8 @@ pub fn expected_counts(
     counts
 }
 
-/// Difference between the extruder's way and the planned one, as a share of the deposited volume.
+/// Difference between the extruder's displacement and the planned one, as a share of the deposited
+/// volume.
 fn volume_error_pct(
     stream: &SegmentStream,
     machine: &MachineConfiguration,
@@ -159,7 +160,7 @@ fn volume_error_pct(
     let planned_steps = expected_counts(stream, machine)[extruder] - record.start_counts[extruder];
     let made_steps = record.steps.counts()[extruder];
     let error_mm3 = (made_steps - planned_steps).abs() as f64 / steps_per_mm3;
-    // Without any flow the error is told against one step.
+    // Without any flow the error is relative to one step.
     100.0 * error_mm3 / deposited_mm3.max(1.0 / steps_per_mm3)
 }
 
@@ -303,7 +304,7 @@ impl<'a> Comparison<'a> {
     }
 }
 
-/// Angle between two headings; whole turns are none.
+/// Angle between two headings; whole turns do not count.
 fn turn_between(one_rad: f64, other_rad: f64) -> f64 {
     let turns = (one_rad - other_rad) / TAU;
     TAU * (turns - turns.round()).abs()

@@ -13,7 +13,7 @@ use std::str::FromStr;
 use std::time::Duration;
 use thiserror::Error;
 
-/// How long a reader waits for bytes: the sender wants to be asked this often.
+/// How long a reader waits for bytes: the sender has to be polled this often.
 const WAIT: Duration = Duration::from_millis(2);
 /// How long a writer waits for room before the line counts as gone.
 const WRITE_PATIENCE: Duration = Duration::from_secs(2);
@@ -36,7 +36,8 @@ pub trait Transport: Send {
     /// The line is gone.
     fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Sends as many bytes as there is room for and returns how many; all, where a line cannot tell.
+    /// Sends as many bytes as there is room for and returns how many; all, if a line cannot report
+    /// it.
     ///
     /// # Errors
     /// The line is gone.
@@ -170,7 +171,7 @@ struct Socket<S>(S);
 impl<S: Read + Write + Send> Transport for Socket<S> {
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self.0.read(buffer) {
-            // A socket that ends says so by an empty read.
+            // A closed socket returns an empty read.
             Ok(0) => Err(io::Error::from(ErrorKind::UnexpectedEof)),
             result => patient(result),
         }

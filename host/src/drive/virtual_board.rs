@@ -37,10 +37,10 @@ use std::time::{Duration, Instant};
 
 /// Most virtual time made up at once: a computer that cannot keep up slows the board down.
 const CATCH_UP_S: f64 = 0.05;
-/// Virtual time between two looks at what there is to report: a computer that makes up much time at
-/// once still tells the host as often as a board whose main loop never rests.
+/// Virtual time between two checks for reports: a computer that catches up much time at once still
+/// reports as often as a board whose main loop never rests.
 const REPORT_PERIOD_S: f64 = 0.005;
-/// Between two looks at lines that say nothing.
+/// Time between two checks of silent lines.
 const LOOK: Duration = Duration::from_millis(1);
 
 /// What to simulate.

@@ -15,7 +15,7 @@ pub const COPIES_MAX: u32 = 1000;
 /// Parts closer than this touch, mm.
 const TOUCH_MM: f64 = 0.1;
 
-/// Between copies where nothing else is asked, mm.
+/// Default gap between copies, mm.
 const GAP_MM: f64 = 5.0;
 /// Gaps that are taken, mm.
 const GAPS_MM: [f64; 2] = [0.2, 1000.0];
@@ -26,7 +26,7 @@ pub enum CopiesError {
     /// No gap.
     #[error("--copy-gap {gap_mm}: write {} to {} mm", GAPS_MM[0], GAPS_MM[1])]
     Gap {
-        /// What was asked.
+        /// The requested value.
         gap_mm: f64,
     },
     /// The bed is too small.
@@ -92,7 +92,7 @@ pub fn in_rows(
     };
     let (columns_max, rows_max) = (along(0), along(1));
     let fitting = columns_max * rows_max;
-    // One that is too large for the machine is told by its own size.
+    // One that is too large for the machine is reported with its own size.
     if copies > fitting.max(1) {
         return Err(CopiesError::TooMany {
             copies,

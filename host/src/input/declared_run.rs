@@ -16,12 +16,12 @@ use std::f64::consts::TAU;
 
 /// Shortest leg whose volume is a section, mm: E is rounded.
 const LEG_MIN_MM: f64 = 1e-3;
-/// Legs that turn less than this, lie less than this beside their curve, and are no more unlike than this, are chords:
+/// Legs that turn less than this, are closer than this to their curve, and differ by no more than this, are chords:
 /// as joints of polygons in other files.
 const CHORD_TURN_RAD: f64 = 0.2;
 const CHORD_MM: f64 = 0.02;
 const CHORD_RATIO: f64 = 3.0;
-/// Fastest that settings may say, mm/s: a feed beyond it is the machine's to bound.
+/// Highest speed that settings may have, mm/s: a feed beyond it is the machine's to bound.
 const SPEED_MAX_MM_S: f64 = 10_000.0;
 /// Slowest, mm/s.
 const SPEED_MIN_MM_S: f64 = 0.01;
@@ -70,7 +70,7 @@ pub fn at_feeds(
     let print_mm_s = speed_max_mm_s.map_or(fastest_mm_s, |most| fastest_mm_s.min(most));
     let print_mm_s = print_mm_s.clamp(SPEED_MIN_MM_S, SPEED_MAX_MM_S);
     for point in &mut run.points {
-        // The planner takes its share of what is asked.
+        // The planner uses its share of the requested value.
         let asked = |feed: f64| (feed / settings.plan_share).min(print_mm_s);
         point.speed_mm_s = point.speed_mm_s.map(asked);
     }
@@ -135,7 +135,7 @@ fn pass_points(pass: &GcodePass, near_rad: f64) -> Vec<Waypoint> {
 /// Legs of a pass, and how the path bends between them.
 struct Bends {
     lengths_mm: Vec<f64>,
-    /// Between a leg and the one behind it, rad.
+    /// Between a leg and the next one, rad.
     turns_rad: Vec<f64>,
 }
 
@@ -175,7 +175,7 @@ impl Bends {
     }
 }
 
-/// Volume of a leg for each mm; none of one that stands.
+/// Volume of a leg for each mm; `None` for one of length 0.
 fn section(pair: &[Place], leg: &Leg) -> Option<f64> {
     let length_mm = pair[1].distance_mm(&pair[0]);
     let volume_mm3 = leg.volume_mm3?;

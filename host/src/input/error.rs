@@ -35,7 +35,7 @@ pub enum InputError {
         /// The most that is read of its format.
         bytes_max: u64,
     },
-    /// The ending says nothing.
+    /// The file extension is unknown.
     #[error(
         "cannot tell the format of '{path}': use the ending .json, .geojson, .svg, .dxf, .wpt, .stl, \
          .3mf, .obj or .gcode, or --from polygon|geojson|svg|dxf|waypoints|stl|3mf|obj|gcode"
@@ -57,7 +57,7 @@ pub enum InputError {
     Syntax {
         /// Format by name.
         format: &'static str,
-        /// What the parser says, with line and column where it has them.
+        /// The parser's message, with line and column if it has them.
         problem: String,
     },
     /// A key that looks like one that is read.
@@ -103,7 +103,7 @@ pub enum InputError {
         "units '{given}' are not known: use mm, cm, m, um or in (--units says it over the file)"
     )]
     UnknownUnits {
-        /// What the file says.
+        /// The file's value.
         given: String,
     },
     /// No length unit at all.
@@ -254,7 +254,7 @@ pub enum InputError {
     /// A layer that the drawing does not have.
     #[error("there is no layer '{given}'; the drawing has {there}")]
     UnknownLayer {
-        /// What was asked for.
+        /// The requested value.
         given: String,
         /// Those that there are.
         there: String,

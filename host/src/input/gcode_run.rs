@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 
 /// Longest distance of waypoints, mm.
 pub(super) const SPACING_MM: f64 = 0.5;
-/// Most waypoints that a leg is divided by: of long straight ways.
+/// Most waypoints that a leg is divided by: of long straight moves.
 pub(super) const DIVISIONS_MAX: f64 = 2000.0;
 
 /// The run of a program's passes.

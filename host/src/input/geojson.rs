@@ -97,7 +97,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
 }
 
 impl Reader {
-    /// What has no inside is told where there is something else, and refused where there is not.
+    /// Geometries without an interior are reported if there is something else, and refused if there
+    /// is not.
     fn told_of_left_out(&self) -> Result<Option<String>, InputError> {
         let Some((what, kind)) = self.left_out.first() else {
             return Ok(None);

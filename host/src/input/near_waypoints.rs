@@ -14,8 +14,8 @@ const NEAR_SHARE: f64 = 0.05;
 /// And no further apart than this, mm: below what a bead can show, so that a run which is dense only
 /// where it bends loses nothing.
 const NEAR_MAX_MM: f64 = 0.02;
-/// Largest difference of two axes that are still meant to be the same, rad: 10°, more than a joint
-/// between two pieces of a run shows, less than what somebody writes down on purpose.
+/// Largest difference of two axes that are still meant to be the same, rad: 10°, more than the
+/// error at a junction of two parts of a run, less than an intended difference.
 const NEAR_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 
 /// Chords of the usual length that make a jump, from how many chords on one is usual, and the least jump.
@@ -70,7 +70,7 @@ pub fn usual_spacing_mm(points: &[Waypoint]) -> (f64, usize) {
 /// print path.
 pub fn usual_gap_mm(points: &[Waypoint]) -> f64 {
     let (usual_mm, chords) = usual_spacing_mm(points);
-    // So few points say nothing about what is usual.
+    // So few points do not define a usual spacing.
     if chords < GAP_CHORDS_MIN {
         return f64::INFINITY;
     }

@@ -175,7 +175,7 @@ impl Nurbs {
             if places.is_empty() {
                 places.push(begin);
             }
-            // Halved once at least: a chord between two bends in opposite directions lies on neither.
+            // Halved once at least: a chord between two bends in opposite directions is on neither.
             let middle = 0.5 * (from + to);
             let half = self.place(knot, middle);
             self.bisect(knot, [(from, begin), (middle, half)], 1, &mut places)?;

@@ -23,7 +23,8 @@ pub const FAR_MAX_MM: f64 = 1.0e7;
 /// Ends of a contour closer than this are the same point, mm: rounding of drawing programs.
 const CLOSED_MM: f64 = 1.0e-4;
 
-/// Most crossings of an outline that are looked for, or mended: 3,000 points at random make a million.
+/// Maximum number of crossings of an outline that are found, or repaired: 3,000 points at random make
+/// a million.
 const CROSSINGS_MAX: f64 = 3e6;
 
 /// What a format's reader makes of a file: mm, but for `--scale`.
@@ -93,7 +94,7 @@ pub(super) fn of_polygons(polygons: &[Vec<Vec<[f64; 2]>>]) -> Drawing {
     }
 }
 
-/// Builds the target, or says what is wrong with the drawing.
+/// Builds the target, or reports the defect of the drawing.
 pub(super) fn to_target(
     mut drawing: Drawing,
     name: &str,
@@ -283,7 +284,7 @@ fn clean(
     Ok(cleaned)
 }
 
-/// True where all points lie on one line (a figure of eight has no net area, but is not flat).
+/// True if all points are on one line (a figure of eight has no net area, but is not flat).
 fn is_flat(ring: &Ring) -> bool {
     let first = ring.points[0];
     let far =

@@ -73,7 +73,7 @@ pub(super) fn exterior_first(
     Ok(named(what, regions, is_valid))
 }
 
-/// The fill rule says which rings are exteriors and which are holes.
+/// The fill rule decides which rings are exteriors and which are holes.
 pub(super) fn by_fill_rule(
     what: &str,
     rings: Vec<NamedRing>,
@@ -103,7 +103,7 @@ pub(super) fn by_fill_rule(
     Ok(named(what, mended, false))
 }
 
-/// All regions of the drawing: apart, or merged where asked to.
+/// All regions of the drawing: separate, or merged on request.
 pub(super) fn together(
     regions: Vec<NamedRegion>,
     options: &ReadOptions,

@@ -243,7 +243,7 @@ impl Reader {
     }
 }
 
-/// Pixels in a user unit of the page, across and up, as its viewBox says.
+/// Pixels in a user unit of the page, across and up, by its viewBox.
 fn px_per_unit(root: roxmltree::Node, size: usvg::Size) -> Vector2 {
     let view = root.attribute("viewBox").map(str::parse::<ViewBox>);
     let Some(Ok(view)) = view else {

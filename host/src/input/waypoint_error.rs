@@ -37,7 +37,7 @@ pub enum WaypointError {
         /// Those of the first waypoint.
         before: usize,
     },
-    /// A cone that is none.
+    /// An invalid cone.
     #[error(
         "line {line}: cone_deg is {given_deg}; write an angle from 0 to {CONE_MAX_DEG} degrees"
     )]
@@ -54,7 +54,7 @@ pub enum WaypointError {
         line: usize,
         /// Column from 1.
         column: usize,
-        /// What stands there, cut short.
+        /// The text there, truncated.
         text: String,
     },
     /// Not a direction.
@@ -65,7 +65,7 @@ pub enum WaypointError {
         /// Its length.
         length: f64,
     },
-    /// Tilted beyond what a pose can say.
+    /// Tilted beyond the range of a pose.
     #[error(
         "line {line}: the tool axis is tilted by {}°, more than {max_deg:.0}°: turn the part over",
         told_apart(*tilt_deg, &[*max_deg], 1)

@@ -29,7 +29,8 @@ use std::f64::consts::TAU;
 pub const WAYPOINTS_MAX: usize = 200_000;
 /// Farthest heading, degrees: a thousand turns. What is beyond is no heading, and loses digits.
 pub(super) const HEADING_MAX_DEG: f64 = 360_000.0;
-/// Columns of a table, as its head may call them: those that are always there, and those behind them.
+/// Columns of a table, as its head may call them: the mandatory ones, and the optional ones after
+/// them.
 const COLUMNS: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
 const FURTHER: [&str; 5] = [
     "heading_deg",
@@ -40,14 +41,14 @@ const FURTHER: [&str; 5] = [
 ];
 /// Widest and highest bead, mm.
 pub(super) const BEAD_MAX_MM: f64 = 100.0;
-/// Slowest and fastest asked speed, mm/s.
+/// Slowest and fastest requested speed, mm/s.
 pub(super) const SPEED_RANGE_MM_S: [f64; 2] = [0.1, 10_000.0];
 /// Widest cone of a waypoint's axis, degrees.
 pub(super) const CONE_MAX_DEG: f64 = 90.0;
 /// How far an axis may be from unit length and still be meant as one: what four digits leave.
 const AXIS_LENGTH_SLACK: f64 = 1e-3;
-/// How far the axes before and after one that is no direction may differ for it to lie between them:
-/// less than a corner of the path.
+/// Largest difference of the axes before and after an invalid one for their mean to replace it: less
+/// than a corner of the path.
 const AGREEING_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
 /// Waypoints closer than this are at the same position, mm: below the resolution of a step.
 pub const SAME_PLACE_MM: f64 = 1e-6;
@@ -124,7 +125,7 @@ impl WaypointRun {
         self
     }
 
-    /// Ends passes at jumps, where nothing says yet where they end.
+    /// Ends passes at jumps, if the file does not define their ends.
     fn divide(&mut self) {
         if self.points.iter().any(|point| point.begins) {
             return;
@@ -155,13 +156,13 @@ struct Reader {
     units_said: bool,
     scale: f64,
     columns: Option<usize>,
-    /// What stands behind the first six, of [`FURTHER`].
+    /// The columns after the first six, of [`FURTHER`].
     further: Vec<usize>,
     name: Option<String>,
     points: Vec<Waypoint>,
     repeated: usize,
     stretched: usize,
-    /// The last waypoint's axis is none: its line, and the length that was given.
+    /// The last waypoint's axis is invalid: its line, and the length that was given.
     doubtful: Option<(usize, f64)>,
     replaced: Vec<usize>,
 }
@@ -403,7 +404,7 @@ impl Reader {
         Ok(axis)
     }
 
-    /// The axis of the waypoint before in place of one that is none, until the next one is known.
+    /// The previous waypoint's axis instead of an invalid one, until the next one is known.
     fn stand_in(&mut self, line: usize, length: f64) -> Result<Unit<Vector3<f64>>, WaypointError> {
         let refused = WaypointError::Axis { line, length };
         let before = self.points.last().ok_or_else(|| refused.clone())?;
@@ -414,7 +415,7 @@ impl Reader {
         Ok(before.axis)
     }
 
-    /// Where the axes beside one that is none agree, it is taken to lie between them.
+    /// If the axes on both sides of an invalid one agree, their mean replaces it.
     fn settle_doubt(&mut self, next: &Unit<Vector3<f64>>) -> Result<(), WaypointError> {
         let Some((line, length)) = self.doubtful.take() else {
             return Ok(());
@@ -449,8 +450,8 @@ impl Reader {
     }
 }
 
-/// What the columns behind the first six are. Refuses a head that gives a column the name of another one; other
-/// names of the first seven are anybody's.
+/// Meaning of the columns after the first six. Refuses a head that gives a column the name of another one;
+/// other names of the first seven are anybody's.
 fn further_columns(line: usize, cells: &[&str]) -> Result<Vec<usize>, WaypointError> {
     let mut further: Vec<usize> = Vec::new();
     for (column, cell) in cells.iter().enumerate() {
@@ -482,7 +483,7 @@ fn further_columns(line: usize, cells: &[&str]) -> Result<Vec<usize>, WaypointEr
 }
 
 fn is_same(a: &Waypoint, b: &Waypoint) -> bool {
-    // Below what the wire can say: 1 µrad.
+    // Below the resolution of the wire: 1 µrad.
     const SAME_RAD: f64 = 1e-6;
     (a.tip_mm - b.tip_mm).norm() < SAME_PLACE_MM
         && (a.axis.into_inner() - b.axis.into_inner()).norm() < SAME_RAD

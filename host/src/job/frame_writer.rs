@@ -54,7 +54,7 @@ impl FrameWriter {
         self.bytes
     }
 
-    /// What comes behind the frames where they begin at byte `start`.
+    /// The data after the frames if they begin at byte `start`.
     pub(crate) fn tail(&self, start: u64) -> Result<Vec<u8>, JobFileError> {
         let index: Vec<IndexEntry> = self
             .index

@@ -151,7 +151,7 @@ impl WireFrames {
         let bad = |why| WireFramesError::BadFrame { frame, why };
         let message = HostMessage::decode(payload).map_err(|_| bad("unreadable"))?;
         let (knots, events) = match message {
-            // The count stands in the block's first five bits.
+            // The count is in the block's first five bits.
             HostMessage::Knots(block) => (u32::from(block[0] >> 3) + 1, 0),
             HostMessage::Flow(_) => (0, 1),
             HostMessage::Finish(_) => (0, 0),

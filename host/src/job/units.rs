@@ -28,7 +28,7 @@ pub(crate) fn units_text(units: &Units) -> Option<(String, String)> {
     (*units != Units::BASE).then(|| (UNITS_TEXT.to_string(), format!("{length} {angle} {volume}")))
 }
 
-/// The units that a header's texts name; `None` where the text is none.
+/// The units that a header's texts name; `None` if the text is invalid.
 pub(crate) fn units_of_texts(texts: &BTreeMap<String, String>) -> Option<Units> {
     let Some(text) = texts.get(UNITS_TEXT) else {
         return Some(Units::BASE);

@@ -13,7 +13,7 @@ use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
 use headway_firmware::path::spline::Span;
 use std::rc::Rc;
 
-/// Servo ticks between two looks at the joints, to count their turns: 32 ms at 2 kHz.
+/// Servo ticks between two samples of the joints, to count their turns: 32 ms at 2 kHz.
 const TURNS_EVERY_TICKS: f64 = 64.0;
 /// Rows nearer to the end than this, in servo ticks, are the end.
 const SAME_TICK: f64 = 1e-6;

@@ -57,7 +57,7 @@ pub(super) fn clean(mesh: &mut Mesh) -> Cleaned {
     }
 }
 
-/// The least corner first, the way round as it was.
+/// The least corner first, with the same orientation.
 fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
     let least = a.min(b).min(c);
     if least == a {
@@ -70,7 +70,7 @@ fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
 }
 
 fn without_copies(triangles: &mut Vec<[u32; 3]>) {
-    // Whichever way it looks.
+    // For either orientation.
     let key = |triangle: [u32; 3]| {
         let [a, b, c] = turned(triangle);
         [a, b.min(c), b.max(c)]

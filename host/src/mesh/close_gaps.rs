@@ -18,8 +18,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 /// Widest gap that is closed, mm: less than the width of the finest bead, and as in slicers
 /// (PrusaSlicer 2.5: 0.049 mm).
 pub const GAP_MAX_MM: f64 = 0.05;
-/// Shares of that which are closed first: what rounding tore apart is closed before detail of the size
-/// of a gap could be taken for one.
+/// Shares of that which are closed first: gaps from rounding are closed before detail of the size of a
+/// gap could be treated as one.
 const ROUNDS: [f64; 5] = [1.0 / 256.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0, 1.0];
 /// Edges no longer than this are no detail of an open surface, mm: far below what any machine places.
 const DETAIL_MM: f64 = GAP_MAX_MM / 16.0;
@@ -111,9 +111,9 @@ fn open_vertices(mesh: &Mesh, open: &[u32]) -> Vec<u32> {
     vertices
 }
 
-/// Makes one of open corners that are near each other, the nearest first. Corners that an edge
-/// joins stay apart: that is detail, not a gap. Below [`DETAIL_MM`] it is none: such edges come of dividing
-/// a sliver at both halves of a torn corner, and would keep these apart for good.
+/// Makes one of open corners that are near each other, the nearest first. Corners that an edge joins stay
+/// apart: that is detail, not a gap. Below [`DETAIL_MM`] it is not detail: such edges come of dividing a
+/// sliver at both halves of a torn corner, and would keep these apart for good.
 fn weld(mesh: &mut Mesh, open: &[u32], gap_max_mm: f64, closed: &mut ClosedGaps) {
     let vertices = open_vertices(mesh, open);
     let near = NearPoints::of(mesh, &vertices, gap_max_mm);
@@ -168,7 +168,7 @@ fn weld(mesh: &mut Mesh, open: &[u32], gap_max_mm: f64, closed: &mut ClosedGaps)
     }
 }
 
-/// Divides open edges at the open corners that lie on them.
+/// Divides open edges at the open corners on them.
 fn split(mesh: &mut Mesh, gap_max_mm: f64, closed: &mut ClosedGaps) {
     let open = odd_edges(&mesh.triangles);
     let vertices = open_vertices(mesh, &open);
@@ -295,8 +295,7 @@ fn height_mm([a, b, c]: [Point3; 3]) -> f64 {
 /// Most corners on a short edge that are closed at a time.
 const SHORT_EDGE_CORNERS_MAX: usize = 16;
 
-/// Puts flat triangles between an open edge and the corners that lie on it, where these already lead from one
-/// of its ends to the other.
+/// Adds flat triangles between an open edge and the corners on it, if these already connect its two ends.
 fn close_short_edges(mesh: &mut Mesh, gap_max_mm: f64, closed: &mut ClosedGaps) {
     let open = open_half_edges(mesh);
     let owners = open.iter();
@@ -418,8 +417,8 @@ fn holes(mesh: &Mesh, open: &[u32]) -> Vec<Hole> {
     holes
 }
 
-/// Triangles over a hole, the shortest way across first, and the highest one's height; `None` where
-/// that is more than a gap.
+/// Triangles over a hole, the shortest connection across first, and the highest one's height;
+/// `None` where that is more than a gap.
 fn zipped(mesh: &Mesh, hole: &Hole, gap_max_mm: f64) -> Option<(Vec<[u32; 3]>, f64)> {
     if !(3..=HOLE_EDGES_MAX).contains(&hole.len()) {
         return None;

@@ -26,13 +26,13 @@ pub enum MeshError {
     Syntax {
         /// Format by name.
         format: &'static str,
-        /// What the parser says, and what to do.
+        /// The parser's message, and the remedy.
         problem: String,
     },
     /// The first layer's height is invalid.
     #[error("--first-layer-height {height_mm}: write a height of {} to {} mm", LAYER_MM[0], LAYER_MM[1])]
     FirstLayerHeight {
-        /// What was asked.
+        /// The requested value.
         height_mm: f64,
     },
     /// No triangle in it.
@@ -47,7 +47,7 @@ pub enum MeshError {
         /// How many there were.
         triangles: usize,
     },
-    /// No triangle is in the region that was asked for.
+    /// No triangle is in the requested region.
     #[error(
         "no triangle of the surface is in the requested region; its groups: {}",
         if groups.is_empty() { "none" } else { groups }
@@ -65,7 +65,7 @@ pub enum MeshError {
         /// How many.
         triangles: usize,
     },
-    /// A coordinate that is no number.
+    /// A coordinate that is not a number.
     #[error(
         "a corner of triangle {triangle} (counted from 0) is ({}, {}, {}), which is no place: \
          export the mesh once more",

@@ -11,7 +11,8 @@ use crate::geometry::polygon::Box2;
 const BUCKETS_PER_TRIANGLE: f64 = 0.5;
 /// Most buckets along an axis.
 const BUCKETS_MAX: f64 = 1024.0;
-/// A place so far beside a triangle still lies on it, as a share of its sides: rounding between two.
+/// A point this far outside a triangle still counts as on it, as a share of its sides: rounding
+/// between two.
 const EDGE_SHARE: f64 = 1e-9;
 
 /// A mesh prepared for height queries.
@@ -76,7 +77,7 @@ impl<'a> HeightMap<'a> {
         heights.max_by(f64::total_cmp)
     }
 
-    /// Height of a triangle over a place; none where it does not lie there or stands upright.
+    /// Height of a triangle over a place; `None` if it is not there or is vertical.
     fn height_mm(&self, triangle: usize, p: Point2) -> Option<f64> {
         let [a, b, c] = self.mesh.corners(triangle);
         let (ab, ac, ap) = (b.xy() - a.xy(), c.xy() - a.xy(), p - a.xy());

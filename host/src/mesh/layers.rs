@@ -152,7 +152,7 @@ impl Band {
 }
 
 impl LayerHeights {
-    /// The layers of a part of this height: their middles lie in it. Of each band as many as that are.
+    /// The layers of a part of this height: their middles are in it. Of each band as many as that are.
     fn bands(&self, height_mm: f64) -> Vec<Band> {
         let first = Band {
             from_mm: 0.0,

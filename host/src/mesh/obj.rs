@@ -51,7 +51,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
 }
 
 /// The text as the reader takes it, line for line: a CR alone ends a line as well, and a material without
-/// a name is none.
+/// a name is ignored.
 fn lenient(bytes: &[u8]) -> Cow<'_, [u8]> {
     let mut text = Cow::Borrowed(bytes);
     if !text.contains(&b'\n') && text.contains(&b'\r') {

@@ -186,7 +186,7 @@ pub fn cut_open(mesh: &Mesh, from: &[u32], to: &[u32]) -> Result<Option<Mesh>, N
     Ok(Some(cut))
 }
 
-/// A vertex on its way, the nearest first.
+/// A vertex in the queue, the nearest first.
 #[derive(PartialEq)]
 struct Reached {
     way_mm: f64,
@@ -208,7 +208,7 @@ impl Ord for Reached {
     }
 }
 
-/// The shortest way along edges (Dijkstra, 1959).
+/// The shortest path along edges (Dijkstra, 1959).
 fn shortest(mesh: &Mesh, edges: &RunEdges, from: &[u32], to: &[u32]) -> Option<Vec<u32>> {
     let mut beside: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices.len()];
     for &[a, b] in edges.triangle_of.keys() {

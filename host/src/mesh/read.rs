@@ -75,7 +75,7 @@ pub enum SurfaceRegion {
     Colour([u8; 3]),
     /// Triangles whose normal is tilted from Z by no more than that.
     Normal {
-        /// The lean.
+        /// The tilt.
         most_rad: f64,
     },
 }
@@ -145,11 +145,12 @@ pub fn read(
     Ok(LoadedMesh { notes, ..loaded })
 }
 
-/// Volumes below which coordinates are more likely inches, and metres, than mm: what PrusaSlicer asks at.
+/// Volumes below which coordinates are more likely inches, and metres, than mm: the threshold of
+/// PrusaSlicer.
 const INCH_MM3: f64 = 9.0;
 const METRE_MM3: f64 = 1e-3;
 
-/// What is said of a part that is so small that its unit is another one.
+/// The note on a part that is so small that its unit is probably another one.
 fn unit_note(loaded: &LoadedMesh) -> Option<String> {
     let volume_mm3: f64 = loaded.solids().map(Mesh::volume_mm3).sum();
     let (unit, option, unit_mm) = match volume_mm3 {
@@ -194,7 +195,7 @@ pub(super) fn bounds_mm<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> [Point3; 
         .fold(none, |all, own| [all[0].inf(&own[0]), all[1].sup(&own[1])])
 }
 
-/// Closes meshes, and sums up what was mended.
+/// Closes meshes, and sums up the repairs.
 struct Closing {
     notes: Vec<String>,
     mended: Mended,

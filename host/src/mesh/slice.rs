@@ -122,9 +122,9 @@ impl<'a> Slicer<'a> {
     }
 }
 
-/// Farthest that a point may lie off the line between its neighbours to be left out, mm: where a plane
-/// crosses the diagonals of an upright face. Layers of upright walls are then the same to the last
-/// digit.
+/// Largest distance from the line between its neighbours at which a point is dropped, mm: where a
+/// plane crosses the diagonals of an upright face. Layers of upright walls are then the same to the
+/// last digit.
 const FLAT_MM: f64 = 1e-7;
 
 /// The ring without repeated points and those on a line with the ones kept before and after.

@@ -18,7 +18,7 @@ const BINARY_TRIANGLE: usize = 50;
 /// Reads all triangles, corners unshared.
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     check_length(bytes)?;
-    // Some programs begin binary files with `solid` as well: the length tells.
+    // Some programs begin binary files with `solid` as well: the length decides.
     let is_binary = binary_triangles(bytes) == Some(bytes.len());
     let mesh = match is_text(bytes) && !is_binary {
         true => ascii(&String::from_utf8_lossy(bytes))?,
@@ -59,7 +59,7 @@ fn binary(bytes: &[u8]) -> Result<Mesh, MeshError> {
     Ok(mesh)
 }
 
-/// All solids of a text; names and normals are passed over.
+/// All solids of a text; names and normals are ignored.
 fn ascii(text: &str) -> Result<Mesh, MeshError> {
     let mut mesh = Mesh::default();
     let mut corners: Vec<[f32; 3]> = Vec::new();

@@ -70,7 +70,7 @@ pub enum PlanError {
          to move; use a smaller --aperture or a larger --scale"
     )]
     NoLayerPrintable {
-        /// Regions that were left out.
+        /// Omitted regions.
         left_out: usize,
     },
     /// Layers of several heights or speeds, where the route cannot be divided between them.
@@ -87,7 +87,7 @@ pub enum PlanError {
     /// What was planned cannot be handed on.
     #[error("{0}")]
     Output(String),
-    /// No placement of the aperture lies inside, or it has no room to move.
+    /// No placement of the aperture is inside, or it has no room to move.
     #[error(
         "nothing can be printed: the widest place, near ({:.3}, {:.3}) mm, is {width_mm:.3} mm \
          wide; nowhere does the aperture of {length_mm:.3} x {needed_mm:.3} mm fit with room to \

@@ -24,7 +24,7 @@ pub struct SlowedLayers {
     pub still_short: u32,
 }
 
-/// Segments of a route whose layers last as long as is asked.
+/// Segments of a route whose layers have the requested minimum time.
 ///
 /// # Errors
 /// [`MotionError`].
@@ -42,8 +42,7 @@ pub(crate) fn lay_with_layer_times(
     Ok((stream, report, slowed))
 }
 
-/// Segments of a route: loops that follow each other joined, and passes ended by a pump that runs on, where that is asked
-/// for.
+/// Segments of a route: with consecutive loops joined, and passes ended by a pump that runs on, if requested.
 fn lay(
     route: &Route,
     settings: &Settings,
@@ -73,7 +72,7 @@ fn slow_short_layers(
         return slowed;
     }
     let servo_hz = f64::from(settings.machine.servo_hz);
-    // Of each layer all of its time and that of its passes, and their way.
+    // For each layer its total time, that of its passes, and their length.
     let mut layers: BTreeMap<u32, [f64; 3]> = BTreeMap::new();
     for mark in &stream.marks {
         let seconds = (mark.end_tick - mark.start_tick) as f64 / servo_hz;

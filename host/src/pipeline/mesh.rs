@@ -267,7 +267,7 @@ impl PartPlan {
     }
 }
 
-/// True where the pieces of a route can be laid one by one: joints that wind up (arms, turning
+/// True if the parts of a route can be printed one by one: joints that wind up (arms, turning
 /// tables) are followed along the whole of it.
 fn may_divide(settings: &Settings) -> bool {
     winds(&settings.machine.kinematics) == 0
@@ -421,7 +421,7 @@ fn gather<'a>(
         let infill = settings.infill.as_ref();
         let kind = LayerKind {
             outline,
-            // Between the solid ground there are no solid layers but those of the shells.
+            // Between the solid areas the only solid layers are those of the shells.
             infill: infill.map(|infill| infill.inside(layer.number)),
             solid: (ground.solid)(layer.number),
             bridges: (ground.bridges)(layer.number),

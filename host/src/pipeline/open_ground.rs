@@ -16,7 +16,7 @@ use crate::geometry::repair::FillRule;
 use crate::settings::Settings;
 use serde::{Deserialize, Serialize};
 
-/// Places that are told one by one.
+/// Places that are reported one by one.
 const PLACES_TOLD: usize = 3;
 /// Places and areas that differ by less are the same on two layers, mm and mm².
 const SAME: f64 = 1e-3;
@@ -52,7 +52,7 @@ pub fn open_ground(plan: &Plan, settings: &Settings) -> Vec<OpenGround> {
         // Where sparse lines end at a wall is as open as between them.
         let around_mm = settings.aperture.minor_mm();
         let sparse = grown(&region.sparse, around_mm);
-        // Disjoint, so that a cell inside any of them lies behind an odd number of edges.
+        // Disjoint, so that a cell inside any of them is after an odd number of edges.
         let sparse = filled(sparse.iter().flat_map(Region::rings), FillRule::Positive);
         let edges = sparse.iter().flat_map(|sparse| {
             let sparse = raster.frame.region_in(sparse);
@@ -189,7 +189,7 @@ fn pieces(swept: &Coverage, is_meant: impl Fn(usize) -> bool) -> Vec<(f64, Point
     found
 }
 
-/// Centre of the cell that lies nearest to the middle of all.
+/// Centre of the cell nearest to the middle of all.
 fn nearest_to_middle(cells: &[usize], swept: &Coverage) -> Point2 {
     let sum = cells.iter().map(|&cell| swept.center(cell).coords);
     let middle = Point2::from(sum.sum::<nalgebra::Vector2<f64>>() / cells.len() as f64);

@@ -9,8 +9,8 @@ use crate::pipeline::layer_uses::Use;
 use crate::report::layer_path::{PathPoint, What};
 use nalgebra::Vector3;
 
-/// How much farther along a file's pass a point may be than it is from the point before, mm: what corners are rounded by.
-/// A loop that is closed ends where it begins; the end is not looked at before its time.
+/// How much farther along a file's pass a point may be than it is from the point before, mm: what corners are rounded
+/// by. A loop that is closed ends where it begins; the end is not considered too early.
 const AHEAD_MM: f64 = 0.5;
 
 /// How far a file's pass was followed.
@@ -82,12 +82,12 @@ impl PassFacts {
 }
 
 impl FilePasses {
-    /// The leg that a point lies on.
+    /// The leg of a point.
     fn at(&self, mark: &Mark, point: &PathPoint, at: &mut Option<Followed>) -> (What, u32) {
         let number = mark.pass.and_then(|pass| self.of_job.get(pass as usize));
         let pass = number.and_then(|&number| Some((number, self.passes.get(number)?)));
         let Some((number, pass)) = pass.filter(|_| mark.state == MotionState::Print) else {
-            // On the way to the next pass: the line that goes there.
+            // Before the next pass: the line that goes there.
             let next = at.map_or(0, |at| at.pass + 1);
             let leg = self
                 .passes

@@ -8,7 +8,7 @@ use crate::plan::motion::lift_off::Cuts;
 use crate::plan::motion::singular::{Passes, SingularPlaces, passed_places};
 use crate::settings::{Place, Settings};
 
-/// Passes where they lie on the machine, led past what is singular there.
+/// Passes at their position on the machine, led past singular poses.
 pub(crate) struct PlacedPasses {
     pub passes: Passes,
     /// Where they were cut.
@@ -18,8 +18,8 @@ pub(crate) struct PlacedPasses {
     pub singular: SingularPlaces,
 }
 
-/// Looks for the best place, where that is asked for, and leads the tool axis past singular places, or
-/// cuts passes there where they `may_lift`.
+/// Finds the best position, if requested, and leads the tool axis past singular poses, or cuts passes
+/// there if they `may_lift`.
 pub(crate) fn placed_passes(
     mut passes: Passes,
     mut transform: PartTransform,

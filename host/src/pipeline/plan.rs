@@ -105,7 +105,7 @@ impl Plan {
         self.ground_area_mm2(kind, |region| &region.sparse)
     }
 
-    /// Some ground of the regions, and what of it was swept.
+    /// An area of the regions, and its swept part.
     fn ground_area_mm2(
         &self,
         kind: Option<usize>,

@@ -58,11 +58,11 @@ pub(crate) struct Stack<'a> {
     pub start: [f64; CHANNELS],
     /// The head lifts off at the end.
     pub is_last: bool,
-    /// Regions that fail are left out, and the stack may be empty.
+    /// Regions that fail are omitted, and the stack may be empty.
     pub may_leave_out: bool,
 }
 
-/// Regions on their way, `[outline][region]`, the widest disk in them, and what was left out.
+/// Regions in progress, `[outline][region]`, the widest disk in them, and the omitted ones.
 struct Begun {
     works: Vec<Vec<RegionWork>>,
     widest: Option<(Point2, f64)>,
@@ -224,7 +224,7 @@ fn begin(stack: &Stack, settings: &Settings, progress: &dyn Progress) -> Result<
     })
 }
 
-/// A failure carried along where the others go on; else it ends the plan.
+/// A failure that is kept while the others continue; else it ends the plan.
 fn carried<T>(
     found: Result<T, PlanError>,
     stack: &Stack,
@@ -259,7 +259,8 @@ fn too_narrow(stack: &Stack, works: &[Vec<RegionWork>]) -> Vec<LeftOut> {
     found
 }
 
-/// The route over all layers, each travelled over its own ground, and how often travel leaves it.
+/// The route over all layers, with travel inside each one's own area, and the number of times that
+/// travel leaves it.
 fn route_of(
     stack: &Stack,
     curves: &[PlanePass],

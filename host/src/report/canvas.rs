@@ -14,7 +14,7 @@ const MARGIN_PX: f64 = 24.0;
 const TITLE_PX: f64 = 40.0;
 /// Width of the legend: its longest entry at 15 px, px.
 const LEGEND_PX: f64 = 330.0;
-/// Least height of the drawing, so that the legend fits beside a flat part, px.
+/// Least height of the drawing, so that the legend fits next to a flat part, px.
 const HEIGHT_MIN_PX: f64 = 260.0;
 
 pub(super) const INK: &str = "#1a202c";
@@ -43,7 +43,7 @@ pub(super) struct Canvas {
     legend_rows: usize,
 }
 
-/// The ground of a sheet, which is read on dark pages as well.
+/// The background of a sheet, which is read on dark pages as well.
 pub(super) fn white_page() -> Rectangle {
     Rectangle::new()
         .set("width", "100%")
@@ -148,7 +148,7 @@ impl Canvas {
         self.add_group(group);
     }
 
-    /// A word or number beside a point, legible on lines.
+    /// A word or number next to a point, legible on lines.
     pub(super) fn label(&mut self, point: Point2, text: &str) {
         let (x, y) = self.px(point);
         let text = Text::new(text)

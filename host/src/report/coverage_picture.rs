@@ -57,7 +57,7 @@ pub struct Raster {
     pub cell_mm: f64,
     /// Cells in a row.
     pub columns: usize,
-    /// Rows from the bottom, one after the other; a last row that is not full is left out.
+    /// Rows from the bottom, one after the other; an incomplete last row is omitted.
     pub cells: Vec<Cell>,
 }
 

@@ -2,9 +2,9 @@
 
 use super::figures::{CurvedLayerFigures, Figures, KindFigures};
 
-/// Layers that are told in text, those that take longest.
+/// Layers that are listed in text, the longest ones.
 const LAYERS_TOLD: usize = 3;
-/// Limits that are told in text.
+/// Limits that are listed in text.
 const LIMITS_TOLD: usize = 4;
 
 impl Figures {

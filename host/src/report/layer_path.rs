@@ -20,7 +20,7 @@ use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 pub const WITHIN_MM: f64 = 0.004;
 /// Along the path at the same moment, mm: a fraction of a bead's width.
 pub const ALONG_MM: f64 = 0.05;
-/// Parts of a span that are looked at before it counts as straight.
+/// Parts of a span that are checked before it counts as straight.
 const LOOKS: u64 = 4;
 
 /// What the head does on a run of points.
@@ -236,7 +236,7 @@ fn point(span: &Span, tick: u64, transform: &PartTransform) -> PathPoint {
     }
 }
 
-/// Adds the points of a piece of a span behind its first, halving it until it is straight.
+/// Adds the points of a part of a span after its first, halving it until it is straight.
 fn divide(span: &Span, whole: [PathPoint; 2], of: &PathOf, points: &mut Vec<PathPoint>) {
     let mut open = vec![whole];
     while let Some([from, to]) = open.pop() {
@@ -244,7 +244,7 @@ fn divide(span: &Span, whole: [PathPoint; 2], of: &PathOf, points: &mut Vec<Path
         let at = |tick: u64| point(span, tick, of.transform);
         let looks = 1..LOOKS.min(ticks.max(1));
         let looks = looks.map(|k| at(from.tick + ticks * k / LOOKS.min(ticks)));
-        // Half of what may be off: points are left out afterwards, against these.
+        // Half of what may be off: points are dropped afterwards, relative to these.
         let is_bent = looks
             .map(|p| off(&p, &from, &to, of.reach_mm))
             .any(|off| off > 0.5);
@@ -277,7 +277,7 @@ fn off(p: &PathPoint, from: &PathPoint, to: &PathPoint, reach_mm: f64) -> f64 {
     let along: f64 = (0..3)
         .map(|k| (p.tip_mm[k] - from.tip_mm[k]) * chord[k])
         .sum();
-    // On the spot only time says how far a turn has come.
+    // For a turn in place only time gives the progress.
     let by_way = match length2 > WITHIN_MM * WITHIN_MM {
         true => (along / length2).clamp(0.0, 1.0),
         false => by_time,
@@ -286,7 +286,7 @@ fn off(p: &PathPoint, from: &PathPoint, to: &PathPoint, reach_mm: f64) -> f64 {
     across.max(apart(by_time).max(reach_mm * turned(by_time)) / ALONG_MM)
 }
 
-/// What each point of a move is worth: how far the path would be off without it; 0 where nobody would see it.
+/// What each point of a move is worth: how far the path would be off without it; 0 if it would be invisible.
 fn weights(points: &[PathPoint], reach_mm: f64) -> Vec<f32> {
     let mut weights = vec![0.0; points.len()];
     if let (Some(first), last) = (weights.first().map(|_| 0), points.len().saturating_sub(1)) {
@@ -310,7 +310,7 @@ fn weights(points: &[PathPoint], reach_mm: f64) -> Vec<f32> {
     weights
 }
 
-/// Points of a weight up to this are left out, so that few enough stay.
+/// Points of a weight up to this are dropped, so that few enough remain.
 fn threshold(weights: &[Vec<f32>], points_max: usize) -> f32 {
     let inner = weights.iter().flatten();
     let mut inner: Vec<f32> = inner

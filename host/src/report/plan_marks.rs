@@ -44,7 +44,7 @@ pub enum Colouring {
 }
 
 impl Colouring {
-    /// What the legend says, and the unit.
+    /// Text of the legend, and the unit.
     fn name(self) -> [&'static str; 2] {
         match self {
             Colouring::Zone => ["", ""],
@@ -81,7 +81,7 @@ pub(super) fn draw_values(canvas: &mut Canvas, picture: &PlanPicture) {
         let bins: Vec<usize> = values.iter().map(|&value| bin_of(value)).collect();
         let mut first = 0;
         for run in bins.chunk_by(|a, b| a == b) {
-            // A run goes on to where the next one begins.
+            // A run extends to the start of the next one.
             let end = (first + run.len() + 1).min(pass.placements.len());
             let points = pass.placements[first..end].iter();
             let points: Vec<Point2> = points.map(|(at, _)| at.center).collect();
@@ -166,7 +166,7 @@ fn range(picture: &PlanPicture, values: &[Vec<f64>]) -> [f64; 2] {
     }
 }
 
-/// Where a pass goes at a placement; along x where it stands.
+/// Where a pass goes at a placement; along x if it does not move.
 fn direction(pass: &PicturePass, k: usize) -> Vector2 {
     let at = |k: usize| pass.placements[k].0.center;
     let last = pass.placements.len() - 1;

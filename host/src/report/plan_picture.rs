@@ -299,7 +299,7 @@ fn nozzle_data(canvas: &Canvas, data: &mut String, aperture: &Aperture, at: &Con
             let (x2, y2) = canvas.px(at.center - along);
             let rx = major_mm * canvas.px_per_mm();
             let ry = minor_mm * canvas.px_per_mm();
-            // The sheet's y points down: the angle turns the other way.
+            // The sheet's y points down: the angle is reversed.
             let turn_deg = -at.heading_rad.to_degrees().rem_euclid(180.0);
             let arc = format!("A{rx:.2} {ry:.2} {turn_deg:.1} 0 1");
             // Writing to a String cannot fail.

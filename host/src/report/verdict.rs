@@ -8,7 +8,7 @@ use crate::report::figures::{Figures, VerdictFigures};
 
 /// Time at no limit counts as one by this name.
 const NONE: &str = "none";
-/// Reasons that a terminal shows; the last of them stands for the rest.
+/// Reasons that a terminal shows; the last of them represents the rest.
 const REASONS_SHOWN: usize = 3;
 /// Ground that lines cover less of has none.
 const HOLLOW_PCT: f64 = 2.0;
@@ -84,7 +84,7 @@ pub fn tiles(figures: &Figures) -> Vec<(&'static str, String)> {
         .collect()
 }
 
-/// A run that was not told as an objection.
+/// A failed simulation that was not reported as an objection.
 fn faults(figures: &Figures) -> Option<String> {
     let faults = figures.faults.filter(|&faults| faults > 0)?;
     let is_told = figures.objections.iter().flatten();
@@ -171,7 +171,7 @@ fn open(figures: &Figures) -> Option<String> {
         return Some(format!("Covers {covered:.1} % of the outline{open}."));
     };
     let open = open.replace("nothing", "nothing else");
-    // Of ground that is left hollow the beads around it cover a little.
+    // The beads around a hollow area cover a little of it.
     let lines = match figures.sparse_covered_pct {
         Some(pct) if pct >= HOLLOW_PCT => format!("a sparse infill, which covers {pct:.0} % of it"),
         _ => "hollow on purpose".to_string(),

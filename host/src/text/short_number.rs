@@ -15,7 +15,8 @@ impl fmt::Display for Short {
     }
 }
 
-/// A number with `digits` digits behind the point, or as many more as it takes to tell it from `others`.
+/// A number with `digits` digits after the point, or as many more as necessary to distinguish it from
+/// `others`.
 pub(crate) fn told_apart(number: f64, others: &[f64], digits: usize) -> String {
     /// Beyond it doubles of the size of an angle or a machine have no more digits.
     const DIGITS_MAX: usize = 12;

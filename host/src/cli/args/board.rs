@@ -200,7 +200,7 @@ pub(crate) struct MeshArgs {
     pub port: PortArgs,
 }
 
-/// What a pin is told.
+/// Command to a pin.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum PinName {
     /// In.

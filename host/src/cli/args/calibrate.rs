@@ -78,7 +78,7 @@ pub(crate) enum PatternName {
 }
 
 impl PatternName {
-    /// `None` for what lays nothing.
+    /// `None` for a pattern without print.
     pub(crate) fn kind(self) -> Option<PatternKind> {
         Some(match self {
             PatternName::Steps => PatternKind::Steps,

@@ -138,7 +138,7 @@ pub(crate) struct LayerArgs {
     pub first_layer_height: Option<f64>,
 }
 
-/// Where the input goes on the machine.
+/// Position of the input on the machine.
 #[derive(Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Input")]
 pub(crate) struct PlaceArgs {

@@ -13,7 +13,7 @@ fn notes(driver: &DriverStatus) -> Vec<&'static str> {
         .collect()
 }
 
-/// Drivers in the motors' order; `null` for one that stands alone.
+/// Drivers in the motors' order; `null` for a stand-alone one.
 pub(crate) fn drivers_json(status: &Status) -> Vec<Value> {
     let one = |driver: &DriverStatus| {
         if !driver.has(DriverFlags::SPOKEN_WITH) {

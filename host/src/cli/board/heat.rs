@@ -39,7 +39,7 @@ pub(crate) fn heat(heater: &str, celsius: f64, wait: bool) -> Result<Control, Cl
     })
 }
 
-/// True once a heater is where it was asked to be, or is switched off.
+/// True once a heater has reached its target, or is switched off.
 pub(crate) fn is_there(status: &Status, heater: u8, decidegrees: u16) -> bool {
     status
         .heaters

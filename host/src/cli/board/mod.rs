@@ -284,8 +284,8 @@ fn home(
     console.result(&status_text(&status, false))
 }
 
-/// Heats, and waits until it is there where that was asked. Where that fails it is off again; where it succeeds
-/// the next command has the board's 30 s to come.
+/// Heats, and waits until the target is reached if requested. Where that fails it is off again; where it
+/// succeeds the next command has the board's 30 s to come.
 fn heat_up(command: Control, port: &PortArgs, console: &Console) -> Result<(), CliError> {
     let operator = Operator::new(port, console);
     let mut talk = Talk::open_for(port, Some(&operator))?;

@@ -22,7 +22,7 @@ use std::cell::{Cell, RefCell};
 use std::io::BufRead;
 use std::sync::mpsc::{Receiver, channel};
 
-/// What somebody wants.
+/// A request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wish {
     /// Immediate stop.
@@ -140,7 +140,7 @@ impl<'a> Operator<'a> {
             return Ok(());
         }
         let mut talk = Talk::open(self.port)?;
-        // Each of them, whatever becomes of the others; the first problem is the one to tell.
+        // Each of them, whatever becomes of the others; the first problem is the one to report.
         let mut ended = Ok(());
         for off in all_off {
             let taken = talk.order(off);
@@ -176,7 +176,7 @@ impl<'a> Operator<'a> {
         });
     }
 
-    /// Pages that ask once more hear how it ended.
+    /// Pages that query once more get the result.
     pub(crate) fn tell_the_end(&self, result: &Result<(), CliError>, snapshot: Snapshot) {
         let Some((live, _)) = &self.live else {
             return;

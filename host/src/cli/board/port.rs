@@ -11,7 +11,7 @@ use std::time::Duration;
 /// Silence at the start after which there is no board.
 pub(crate) const ANSWER_PATIENCE: Duration = Duration::from_micros(ANSWER_US);
 
-/// Opens the port, or says what to look at.
+/// Opens the port, or returns an error with what to check.
 pub(crate) fn open(args: &PortArgs, log: Option<LinkLog>) -> Result<Pump, CliError> {
     let port: Port = args
         .port

@@ -34,7 +34,7 @@ const FURTHER_MM: f64 = 2.0;
 /// What a joint may differ from the tip, mm and mm a mm: the frames are one.
 const SAME: f64 = 1e-6;
 
-/// What the touches of a point say, mm.
+/// Result of the touches of a point, mm.
 #[derive(Clone, Debug)]
 struct Point {
     touches_mm: Vec<f64>,
@@ -305,7 +305,7 @@ impl Prober {
     ) -> Result<T, CliError> {
         let result = work(self);
         if result.is_err() {
-            // It may be a fault, with which nothing moves: then that is what is told.
+            // It may be a fault, with which nothing moves: then that is reported.
             let _ = self.rise();
         }
         result
@@ -334,7 +334,7 @@ impl Prober {
         Ok(points)
     }
 
-    /// One point: `repeat` touches, or as many as the machine file says, which must be near to each other.
+    /// One point: `repeat` touches, or the machine file's number, which must be close to each other.
     fn point(
         &mut self,
         place_mm: [f64; 2],
@@ -455,7 +455,7 @@ fn tip_of(machine: &MachineConfiguration, joints: &[f64; JOINTS_MAX]) -> [f64; 3
     [tip.x, tip.y, tip.z]
 }
 
-/// A job over the bed of a mesh, for whoever has a mesh to give.
+/// A job over the bed of a mesh, if a mesh is given.
 pub(crate) fn over_bed(
     job: crate::cli::reading::job::Job,
     mesh: Option<&Path>,

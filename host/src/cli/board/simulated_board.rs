@@ -112,7 +112,7 @@ fn bed(asked: &SimulateArgs, settings: &Settings) -> Result<VirtualBed, CliError
     })
 }
 
-/// Sector of the flash that a file stands for.
+/// Sector of the flash that a file represents.
 const SECTOR_BYTES: usize = 4096;
 const FLASH_BYTES: usize = 2 * SECTOR_BYTES;
 
@@ -127,7 +127,7 @@ impl FlashFile {
     /// Opens it, or makes an empty one.
     ///
     /// # Errors
-    /// What the file system says; a file of another size is not a flash, and is left alone.
+    /// What the file system says; a file of another size is not a flash, and is not changed.
     fn open(path: &Path) -> Result<FlashFile, CliError> {
         let problem = |problem| CliError::File {
             path: path.display().to_string(),

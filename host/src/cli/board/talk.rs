@@ -64,7 +64,7 @@ impl<'o> Talk<'o> {
         &mut self,
         mut wanted: impl FnMut(&mut Sender, &SenderEvent) -> Option<T>,
     ) -> Result<T, CliError> {
-        // One answer is waited for: whatever else the board says takes no longer than that.
+        // One answer is waited for: other reports of the board do not extend that.
         let begun = Instant::now();
         loop {
             self.follow_operator()?;
@@ -104,7 +104,7 @@ impl<'o> Talk<'o> {
                     continue;
                 }
             };
-            // This one nobody ends.
+            // This one is not ended by an operator.
             self.operator = None;
             if let Some(control) = control {
                 self.order(control)?;
@@ -127,7 +127,7 @@ impl<'o> Talk<'o> {
         }
     }
 
-    /// What the board said last, for a reader.
+    /// The board's last report, as text.
     pub(crate) fn said_last(&self) -> String {
         self.sender.said_last()
     }
@@ -217,13 +217,13 @@ impl<'o> Talk<'o> {
     }
 }
 
-/// Why a conversation ends that somebody ended.
+/// Why a conversation ends that an operator ended.
 const STOPPED: &str = "stopped: motors and heaters are off, the position is lost; `headway board reset` clears the \
                        fault, then home it";
 const ENDED: &str = "ended before it was done: nothing moves, and what was switched on goes off";
 const NOTHING_PRINTS: &str =
     "nothing prints yet: `abort`, `stop` and Ctrl-C are heard now, the others once it does";
-/// How often a heater is looked at, and longest heating.
+/// Period of checks of a heater, and longest heating.
 const HEAT_LOOK: Duration = Duration::from_millis(200);
 pub(crate) const HEAT_PATIENCE: Duration = Duration::from_secs(3600);
 /// A move by hand that makes no step: the longest prime takes a minute and may be of one step.
@@ -231,7 +231,7 @@ const STANDSTILL_PATIENCE: Duration = Duration::from_secs(90);
 /// Longest move by hand: the slowest jog over the longest axis.
 const MOVE_PATIENCE: Duration = Duration::from_secs(3600);
 
-/// A wait that was too long, and what the board said last.
+/// A wait that was too long, and the board's last report.
 pub(crate) fn never_ends(status: &Status, waited: Duration) -> CliError {
     CliError::Job(format!(
         "the move does not end ({} s); the board said last: {}",

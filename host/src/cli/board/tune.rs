@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 /// A target this far above gives full power: the regulator is at its end there, whatever its gains.
 const FULL_POWER_K: f64 = 40.0;
-/// How often the temperature is asked for: ten times in a hot end's shortest lag.
+/// Period of temperature queries: ten times in a hot end's shortest lag.
 const LOOK: Duration = Duration::from_millis(100);
 /// Longest tuning: a bed's first heating and six swings.
 const TUNE_PATIENCE: Duration = Duration::from_secs(3600);
@@ -73,7 +73,7 @@ fn known_heater(machine: &BoardMachineArgs, number: u8) -> Result<HeaterConfigur
     found.ok_or_else(|| CliError::Usage(format!("heater {number} is not in the machine file")))
 }
 
-/// Until a board has looked at each of its sensors.
+/// Until a board has read each of its sensors.
 const FIRST_LOOK: Duration = Duration::from_secs(2);
 
 /// Switches full power at the temperature until the gains are known.
@@ -88,7 +88,7 @@ fn swing(talk: &mut Talk<'_>, heater: &str, number: u8, celsius: f64) -> Result<
         }
         let reading = status.heaters.get(usize::from(number));
         let Some(reading) = reading.filter(|reading| reading.decidegrees != i16::MIN) else {
-            // A board that has just begun has looked at none.
+            // A board that has just started has read none.
             if begun.elapsed() < FIRST_LOOK {
                 std::thread::sleep(FIRST_LOOK / 20);
                 continue;

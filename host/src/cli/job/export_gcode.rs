@@ -19,7 +19,7 @@ use std::path::Path;
 /// Tip tolerances that are taken, mm.
 const TIP_MM: [f64; 2] = [1e-4, 1.0];
 
-/// Writes the job's G-code and says what a controller has to keep up with.
+/// Writes the job's G-code and reports the demands on a controller.
 pub(crate) fn run(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
     let options = options(job, args)?;
     if args.json && args.output.is_none() {
@@ -56,7 +56,7 @@ pub(crate) fn run(job: &Job, args: &ExportArgs, console: &Console) -> Result<(),
         servo_hz: job.servo_hz(),
         heat: &heat,
     };
-    // What the blocks lack is said before anything is written.
+    // Missing parts of the blocks are reported before anything is written.
     let checked = write_gcode(std::io::sink(), &text, &options);
     let written = checked.map_err(|error| CliError::Usage(error.to_string()))?;
     console.notes(&notes(&written, &options));

@@ -20,7 +20,7 @@ use crate::report::job_texts::NAME_TEXT;
 use crate::settings::Settings;
 use serde_json::json;
 
-/// Orders of heaters and fans that are told one by one.
+/// Heater and fan commands that are listed one by one.
 const ORDERS_TOLD: usize = 20;
 
 pub(crate) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError> {
@@ -175,7 +175,7 @@ fn heat_json(summary: &JobSummary) -> Vec<serde_json::Value> {
     header.heat().iter().map(one).collect()
 }
 
-/// The same as lines, most of many left out.
+/// The same as lines, with most of many omitted.
 fn heat_text(summary: &JobSummary) -> String {
     let header = &summary.header;
     let mut lines = heat::list(&header.heat(), f64::from(header.machine.servo_hz));

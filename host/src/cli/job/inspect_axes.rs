@@ -12,7 +12,7 @@ use crate::report::axes_picture::{self, MarkedAxis};
 use crate::report::pose_table::{duration_ticks, samples};
 use serde_json::json;
 
-/// Poses of a job that are looked at, at most: of longer ones they are farther apart.
+/// Poses of a job that are checked, at most: of longer ones they are farther apart.
 const SAMPLES_MAX: f64 = 4e6;
 
 pub(crate) fn run(args: &InspectArgs, at: &str, console: &Console) -> Result<(), CliError> {
@@ -88,7 +88,7 @@ fn marks(axes: &AxesAt) -> Vec<MarkedAxis> {
 
 fn free_pct(axes: &AxesAt) -> f64 {
     let rings = axes.map.chunks(MAP_SECTORS);
-    // A ring weighs as much as the part of the sphere that it stands for.
+    // A ring has the weight of the part of the sphere that it represents.
     let weight = |ring: usize| {
         let [tilt_rad, _] = crate::plan::judge::axes_at::map_axis_rad(ring, 0);
         tilt_rad.sin()

@@ -90,7 +90,7 @@ impl<'a> LayerMotions<'a> {
         .collect()
     }
 
-    /// What the page is told of the whole job.
+    /// The page's data about the complete job.
     pub(crate) fn facts(&self, shown: &[ShownLayer]) -> PageFacts {
         let planned = self.planned;
         let (settings, stream) = (&planned.settings, &planned.stream);

@@ -192,7 +192,7 @@ fn rasters(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
         return rasters_of_job(planned, shown);
     };
     if plan.curved_layers.is_some() {
-        // Most of what is shown lies in space: there is no one plane to draw it in.
+        // Most of the picture is in space: there is no one plane to draw it in.
         return shown.iter().map(|_| Vec::new()).collect();
     }
     let of_layer = |shown: &ShownLayer| {
@@ -208,7 +208,7 @@ fn rasters(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
     shown.iter().map(of_layer).collect()
 }
 
-/// A layer's passes as the finished segments run them; zones from the planner, where it is at hand.
+/// A layer's passes as the finished segments run them; zones from the planner, if available.
 pub(crate) fn plan_picture<'a>(
     title: &'a str,
     planned: &'a Planned,
@@ -303,7 +303,7 @@ fn stream_paths(
                     pass.speeds_mm_s.push(sample.speed_mm_s());
                 }
             }
-            // The way to the first pass interrupts nothing.
+            // The move to the first pass interrupts nothing.
             MotionState::Travel if !passes.is_empty() => {
                 if is_new {
                     travel.push(Vec::new());

@@ -22,7 +22,7 @@ use std::path::Path;
 
 /// Time between two rows of `--trace`.
 const TRACE_EVERY_MS: f64 = 1.0;
-/// Orders of heaters and fans that are told one by one.
+/// Heater and fan commands that are listed one by one.
 const ORDERS_TOLD: usize = 12;
 /// Steps of the progress bar.
 const BAR_STEPS: f64 = 1000.0;
@@ -137,7 +137,7 @@ fn tell_heat(planned: &mut Planned, console: &Console) {
     planned.notes.push(note);
 }
 
-/// What is said of a job that only planning could heed.
+/// Options given for a job that only planning could apply.
 pub(crate) fn of_no_use(
     input: &Path,
     reading: &InputArgs,

@@ -10,7 +10,7 @@ use subtle::ConstantTimeEq;
 /// Bytes of the token.
 const TOKEN_BYTES: usize = 16;
 
-/// What a request asks for.
+/// The requested resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Asked {
     Page,

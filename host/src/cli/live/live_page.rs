@@ -11,7 +11,7 @@ use crate::pipeline::findings::time_figures;
 use crate::pipeline::planned::Planned;
 use std::time::Duration;
 
-/// How long a page may still ask once the print is over.
+/// Time for which a page may still query after the print.
 pub(crate) const LAST_LOOK: Duration = Duration::from_millis(800);
 
 /// The clocks of the page's layers. Layers that are alike are shown by the first of them.
@@ -44,7 +44,7 @@ impl PageClock {
     }
 }
 
-/// Makes the page, serves it and says where.
+/// Makes the page, serves it and prints its address.
 pub(crate) fn open(
     job: Job,
     port: u16,

@@ -48,7 +48,7 @@ pub(crate) fn serve(_page: String, _port: u16) -> Result<LivePrint, crate::cli::
 /// Orders that wait for the stream's loop.
 const ORDERS_MAX: usize = 8;
 
-/// What a page is told of the print.
+/// A page's data about the print.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct Snapshot {
     /// What the board does; empty before it has answered.
@@ -144,12 +144,12 @@ impl LivePrint {
         *held.unwrap_or_else(PoisonError::into_inner) = (snapshot.clone(), Instant::now());
     }
 
-    /// A stop that a page asked for, once.
+    /// A stop that a page requested, once.
     pub(crate) fn stop(&self) -> bool {
         self.shared.stop.swap(false, Ordering::Relaxed)
     }
 
-    /// Why the server has ended, once: nobody watches or commands from there any more.
+    /// Why the server has ended, once: there is no more watching or commanding from there.
     pub(crate) fn server_problem(&self) -> Option<String> {
         let thread = self
             .thread

@@ -18,7 +18,7 @@ use std::time::Duration;
 
 /// Fewest connections that a page works with.
 const CONNECTIONS_MIN: usize = 4;
-/// File descriptors that are left to the stream: its line, opened anew where it was lost, its log, and the
+/// File descriptors that are left to the stream: its line, reopened if it was lost, its log, and the
 /// conversation that switches heaters off.
 const DESCRIPTORS_KEPT: usize = 16;
 /// Before the next connection where the system refuses one.
@@ -86,7 +86,7 @@ async fn accept(listener: TcpListener, service: Arc<Service>, most: usize) -> io
                 tokio::time::sleep(ACCEPT_PAUSE).await;
             }
         }
-        // Whoever was let in is looked at before the next one.
+        // An accepted connection is handled before the next one.
         tokio::task::yield_now().await;
     }
 }

@@ -43,7 +43,7 @@ impl Service {
         }
     }
 
-    /// The answer to a request, whose body may still be on its way.
+    /// The answer to a request, whose body may still be in transit.
     pub(super) async fn prepare(&self, request: Request<Incoming>) -> Response<Full<Bytes>> {
         let (status, kind, body) = self.answer(request).await;
         let mut response = Response::new(Full::new(body));
@@ -119,7 +119,7 @@ impl Service {
     }
 }
 
-/// The body as text, or why it is not read: too long by what it says or by what comes, or too late.
+/// The body as text, or why it is not read: too long by its header or its contents, or too late.
 async fn order_text(body: Incoming) -> Result<String, StatusCode> {
     if body.size_hint().lower() > ORDER_BYTES_MAX as u64 {
         return Err(StatusCode::PAYLOAD_TOO_LARGE);

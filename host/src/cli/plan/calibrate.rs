@@ -90,7 +90,7 @@ fn shake(
             offset_mm: swept.at_mm,
         },
         stream: swept.stream.clone(),
-        // Nothing is laid: nothing is heated.
+        // Nothing is printed: nothing is heated.
         settings: Settings {
             material: None,
             ..settings
@@ -195,7 +195,7 @@ fn write(
     })
 }
 
-/// What a stream lays, primes and retracts left out.
+/// Volume deposited by a stream, without primes and retracts.
 fn volume_mm3(stream: &SegmentStream) -> f64 {
     let end = stream
         .knots

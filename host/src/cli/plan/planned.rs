@@ -23,7 +23,7 @@ use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
 
-/// By how much the range of a joint that may leave it becomes wider at either end: more than any part asks for, and
+/// By how much the range of a joint that may leave it becomes wider at either end: more than any part needs, and
 /// not so much that a joint that turns has no end.
 const WIDER_MM: f64 = 10_000.0;
 const WIDER_RAD: f64 = 600.0;
@@ -193,7 +193,7 @@ pub(crate) fn plan_error(path: &Path, error: &PlanError) -> CliError {
     }
 }
 
-/// The settings with the options of where the input lies.
+/// The settings with the options for the input's position.
 fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Settings, CliError> {
     let settings = load::settings(settings)?;
     let of_run = RunOptions {

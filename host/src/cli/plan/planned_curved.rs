@@ -13,7 +13,7 @@ use crate::settings::Settings;
 use std::path::Path;
 use std::time::Instant;
 
-/// Most curved layers that may be asked for.
+/// Maximum number of curved layers.
 const SKIN_LAYERS_MAX: u32 = 100;
 
 /// Plans a mesh in curved layers.

@@ -121,7 +121,7 @@ fn planned_pieces(
     planned
 }
 
-/// What is said on Ctrl-C.
+/// The message on Ctrl-C.
 fn interrupted(cache: Option<&Path>) -> String {
     match cache {
         Some(folder) => format!(

@@ -51,7 +51,7 @@ pub(crate) fn planned_as_allowed<T>(
     }
 }
 
-/// Fails where an objection stands; `consequence` says what becomes of the job.
+/// Fails if an objection remains; `consequence` describes the effect on the job.
 pub(crate) fn check(
     objections: &[Objection],
     allow: &AllowArgs,
@@ -89,7 +89,7 @@ pub(crate) fn note(objections: &[Objection], figures: &mut Figures) {
     }
 }
 
-/// Plans the part with another nozzle, where that is asked for, and notes how long it takes with it.
+/// Plans the part with another nozzle, if requested, and notes the time with it.
 pub(crate) fn compare(
     args: &VerdictArgs,
     settings: &SettingsArgs,

@@ -12,7 +12,7 @@ use crate::input;
 use crate::input::copies::{box_of, checked_gap_mm, in_rows};
 use crate::settings::Settings;
 
-/// The option that asks for several parts.
+/// The option that requests several parts.
 pub(crate) fn option(place: &PlaceArgs) -> Option<&'static str> {
     match (place.at.len() > 1, place.copies, place.copy_gap) {
         (true, ..) => Some("a second --at"),

@@ -9,7 +9,7 @@ use crate::settings::{Settings, joint_names};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The axes that the option says, or the machine file; none for other formats.
+/// The axes of the option, or of the machine file; none for other formats.
 pub(crate) fn of(
     option: Option<&str>,
     format: Format,
@@ -45,7 +45,7 @@ pub(crate) fn of(
     };
     let machine = words.machine.is_some().then_some(&machine);
     let axes = FileAxes::new(&words, machine).map_err(wrong)?;
-    // Who gives the option means the file at hand.
+    // The option refers to the current file.
     Ok(Some(Arc::new(match option {
         Some(_) => axes,
         None => axes.of_others(),

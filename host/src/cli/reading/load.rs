@@ -72,8 +72,8 @@ pub(crate) fn read_text(path: &Path) -> Result<String, CliError> {
     })
 }
 
-/// An aperture's description with the text of its polygon file, beside `folder`, in place of the
-/// name; other descriptions as they are.
+/// An aperture's description with the text of its polygon file, from `folder`, instead of the name;
+/// other descriptions as they are.
 fn with_polygon(text: &str, folder: &Path) -> Result<String, CliError> {
     let Some(name) = file_of_aperture(text) else {
         return Ok(text.to_string());
@@ -86,7 +86,7 @@ fn with_polygon(text: &str, folder: &Path) -> Result<String, CliError> {
     Ok(aperture_text(&aperture))
 }
 
-/// A machine file's text in which a polygon aperture stands with its corners.
+/// A machine file's text in which a polygon aperture is given by its corners.
 fn machine_with_polygon(text: String, path: &Path) -> Result<String, CliError> {
     // What is no TOML is refused with its line by the reader proper.
     let Ok(table) = text.parse::<toml::Table>() else {
@@ -112,7 +112,7 @@ impl UnitName {
     }
 }
 
-/// Reads an input and says its notes.
+/// Reads an input and prints its notes.
 pub(crate) fn input(
     path: &Path,
     args: &InputArgs,
@@ -172,7 +172,7 @@ pub(crate) fn input(
     Ok(input)
 }
 
-/// Reads an outline and says its notes.
+/// Reads an outline and prints its notes.
 pub(crate) fn target(
     path: &Path,
     args: &InputArgs,

@@ -29,7 +29,8 @@ pub(crate) fn with_more(
     })
 }
 
-/// Reads the mesh that an outline is laid on, with the outline's units and scale; none without a file.
+/// Reads the mesh onto which an outline is projected, with the outline's units and scale; none without
+/// a file.
 pub(crate) fn surface(place: &PlaceArgs, args: &InputArgs) -> Result<Option<Mesh>, CliError> {
     let Some(path) = place.surface.as_deref() else {
         return Ok(None);
@@ -102,7 +103,7 @@ pub(crate) fn axis_tolerance_rad(given: Option<f64>) -> Result<f64, CliError> {
     }
 }
 
-/// Reads how far tool axes may lean, in rad.
+/// Reads the largest tilt of tool axes, in rad.
 pub(crate) fn tilt_max_rad(given: Option<f64>) -> Result<Option<f64>, CliError> {
     match given {
         Some(degrees) if !(0.0..=TILT_MAX_ASKED_DEG).contains(&degrees) => Err(CliError::Usage(
@@ -112,7 +113,7 @@ pub(crate) fn tilt_max_rad(given: Option<f64>) -> Result<Option<f64>, CliError> 
     }
 }
 
-/// Reads what stands on the machine: meshes in machine coordinates, mm.
+/// Reads the obstacles on the machine: meshes in machine coordinates, mm.
 pub(crate) fn obstacles(paths: &[std::path::PathBuf]) -> Result<Obstacles, CliError> {
     let mut triangles = Vec::new();
     for path in paths {

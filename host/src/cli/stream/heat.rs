@@ -82,7 +82,7 @@ impl StreamHeat {
     }
 }
 
-/// A job's own orders; one that was planned before jobs had them sets what its material asks.
+/// A job's own orders; one that was planned before jobs had them uses the targets of its material.
 pub(crate) fn of_job(job: &Job) -> Result<Vec<HeatEvent>, CliError> {
     match job.file.header.texts.get(HEAT_TEXT) {
         Some(text) => from_json(text).ok_or_else(|| {
@@ -100,7 +100,7 @@ pub(crate) fn of_job(job: &Job) -> Result<Vec<HeatEvent>, CliError> {
     }
 }
 
-/// How long a pause keeps its heat: as asked for, as the job's machine file says, or as ever.
+/// How long a pause keeps its heat: as requested, as in the job's machine file, or the default.
 pub(crate) fn pause_heat_max_min(args: &StreamArgs, job: &Job) -> f64 {
     let settings = job.settings.as_ref();
     let material = settings.and_then(|settings| settings.material);

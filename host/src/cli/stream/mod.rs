@@ -168,7 +168,7 @@ pub(crate) fn give(
     Ok(())
 }
 
-/// The log that was asked for.
+/// The requested log.
 fn log_file(
     args: &StreamArgs,
     machine: &MachineConfiguration,
@@ -213,7 +213,7 @@ struct Run<'a> {
     patience: Patience,
     status_period_ms: Option<u16>,
     begun: Instant,
-    /// What the board said last that a page should show.
+    /// The board's last message for the page.
     said: String,
     problems: Problems,
     /// Heaters and fans on the path, and in a pause.
@@ -394,7 +394,7 @@ impl Run<'_> {
         self.sender.command(control);
     }
 
-    /// A pause says that it keeps heat, and does not keep it for ever.
+    /// A pause that keeps heating is reported, and does not heat for ever.
     fn look_at_pause(&mut self, status: &Status) {
         let (now_us, owner) = (self.pump.now_us(), self.operator.owner());
         let most_min = self.pause_heat.most_min();

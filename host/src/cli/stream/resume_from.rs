@@ -43,7 +43,7 @@ pub(crate) struct Resumed {
 }
 
 impl Resumed {
-    /// Cuts a job as the options say.
+    /// Cuts a job by the options.
     pub(crate) fn of(place: &Place, args: &StreamArgs, job: &Job) -> Result<Resumed, CliError> {
         if let Place::Log(path) = place
             && args.log.as_ref() == Some(path)
@@ -145,7 +145,7 @@ fn of_part(job: &Job, error: &impl std::fmt::Display) -> CliError {
     CliError::Job(format!("{}: {error}", job.name))
 }
 
-/// The pass to begin with, and how far the print had come where a log says it.
+/// The pass to begin with, and the progress of the print if there is a log.
 fn reached(
     place: &Place,
     job: &Job,

@@ -20,7 +20,7 @@ pub(crate) struct Console {
     notes_hidden: AtomicUsize,
 }
 
-/// Notes that a terminal shows beside a verdict.
+/// Notes that a terminal shows with a verdict.
 const NOTES_SHOWN: usize = 2;
 
 impl Console {
@@ -76,7 +76,7 @@ impl Console {
         self.write_to(None, |out| out.write_all(printable(text).as_bytes()))
     }
 
-    /// What `write` writes to `output`, or to stdout where there is none, as it comes.
+    /// The output of `write` to `output`, or to stdout if there is none, unbuffered.
     pub(crate) fn write_to(
         &self,
         output: Option<&Path>,
@@ -96,7 +96,7 @@ impl Console {
         })
     }
 
-    /// A result to `output`, or to stdout where there is none.
+    /// A result to `output`, or to stdout if there is none.
     pub(crate) fn result_to(&self, output: Option<&Path>, text: &str) -> Result<(), CliError> {
         match output {
             Some(path) => write_file(path, text.as_bytes()),
@@ -145,7 +145,7 @@ impl Console {
     }
 }
 
-/// Shows what the planner tells.
+/// Shows the planner's progress.
 pub(crate) struct PlanningBar {
     bar: ProgressBar,
     /// Of a part: since when, and how far it is.

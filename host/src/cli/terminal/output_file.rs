@@ -34,7 +34,7 @@ const REPORT_NAMES: [&str; 6] = [
 /// How far into a page its writer is looked for, bytes.
 const PAGE_HEAD_BYTES: u64 = 4096;
 
-/// Writes a file, or says which one could not be written.
+/// Writes a file, or names the one that could not be written.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     write_file_with(path, |out| out.write_all(bytes))
 }
@@ -86,7 +86,7 @@ pub(crate) fn end_whole_on_interrupt(line: String) {
     });
 }
 
-/// What shells say of a program that was interrupted.
+/// The exit status of shells for an interrupted program.
 const INTERRUPTED: i32 = 130;
 
 /// Gives a part that was written its name.
@@ -100,8 +100,8 @@ fn put(part: NamedTempFile, place: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Says before the work, not after it, that a file cannot be written there. What is there stays as it
-/// is, and nothing is left behind.
+/// Says before the work, not after it, that a file cannot be written there. Existing files are
+/// unchanged, and no temporary file remains.
 pub(crate) fn check_file(path: &Path) -> Result<(), CliError> {
     if is_stream(path) {
         // Looking would disturb it.
@@ -143,7 +143,7 @@ fn check_replaceable<'a>(
     if is_report_page(&folder.join(REPORT_PAGE)) {
         return Ok(());
     }
-    // A link that leads nowhere is somebody's, too.
+    // A dangling link is not replaced either.
     let is_there = |name: &&str| folder.join(name).symlink_metadata().is_ok();
     names.find(is_there).map_or(Ok(()), |name| {
         Err(CliError::Job(format!(
@@ -219,7 +219,7 @@ fn open_to_all(folder: &Path) -> std::io::Result<()> {
     std::fs::set_permissions(folder, std::fs::Permissions::from_mode(usual))
 }
 
-/// Where a file really lies: a link is followed, so that it stays one.
+/// The real location of a file: a link is followed, so that it stays one.
 fn place_of(path: &Path) -> std::io::Result<PathBuf> {
     match std::fs::symlink_metadata(path) {
         Ok(known) if known.file_type().is_symlink() => std::fs::canonicalize(path),

@@ -65,7 +65,7 @@ mod endings {
         CAME.load(Ordering::Relaxed)
     }
 
-    /// True where whoever started the process has it ignore a signal; only Linux tells.
+    /// True if the parent process has made this one ignore a signal; only Linux tells.
     fn is_ignored(signal: i32) -> bool {
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
         let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// Spans longer than this crawl, servo ticks.
 const SPAN_TICKS: u32 = 512;
-/// Places in which one is looked at.
+/// Points at which one is sampled.
 pub(super) const LOOKS: u32 = 128;
 /// Events longer than this crawl as well, servo ticks; what stands while none runs has nothing to look at.
 const EVENT_TICKS: u32 = 20_000;
@@ -30,7 +30,7 @@ impl Sampler<'_> {
         is_slow && (stands || u32::from(span.duration_ticks) > SPAN_TICKS)
     }
 
-    /// The middle of a span that crawls, in a few places; the advance's window is filled anew behind it.
+    /// The middle of a span that crawls, in a few places; the advance's window is filled again after it.
     pub(super) fn crawl(&mut self, span: &Span, middle: &Range<u32>) {
         let per_tick = f64::from(LOOKS_PER_TICK);
         let stride = f64::from(middle.end - middle.start) / f64::from(LOOKS);

@@ -22,7 +22,7 @@ const CHORDS_MAX: f64 = 200_000.0;
 const HALVINGS_MAX: u32 = 20;
 /// A normal this near the z axis is the z axis.
 const UPRIGHT: f64 = 1e-6;
-/// An angle left out of a whole turn this small is rounding, rad.
+/// A gap this small in a full turn is rounding, rad.
 const WHOLE_RAD: f64 = 1e-9;
 
 /// One entity as chords.
@@ -91,7 +91,7 @@ impl Flattener {
         })
     }
 
-    /// Counts the points, and refuses what lies nowhere.
+    /// Counts the points, and refuses coordinates that are not finite.
     fn check(&mut self, what: &str, points: &[Point2]) -> Result<(), InputError> {
         self.points += points.len();
         if self.points > POINTS_MAX {
@@ -268,7 +268,7 @@ impl Flattener {
                 points.push(at(low));
             }
             let cut = |k: usize| low + (high - low) * (k as f64 / curve.degree as f64);
-            // The first part lies on top.
+            // The first part is on top.
             let parts = (0..curve.degree).rev();
             let mut open: Vec<(f64, f64, u32)> = parts.map(|k| (cut(k), cut(k + 1), 0)).collect();
             while let Some((from, to, halvings)) = open.pop() {
@@ -329,7 +329,7 @@ fn upright(what: &str, normal: &Vector) -> Result<f64, InputError> {
     }
 }
 
-/// Points of an entity's own plane: seen from below, x runs the other way.
+/// Points of an entity's own plane: seen from below, x is reversed.
 fn turned(what: &str, mut points: Vec<Point2>, normal: &Vector) -> Result<Vec<Point2>, InputError> {
     if upright(what, normal)? < 0.0 {
         points.iter_mut().for_each(|point| point.x = -point.x);

@@ -17,7 +17,7 @@ use std::collections::HashSet;
 pub(super) const JOIN_MM: f64 = 0.01;
 /// Ends closer than this are at the same place, mm: rounding.
 const SAME_MM: f64 = 1.0e-4;
-/// Most ends about one place that are looked at: an outline has two.
+/// Maximum number of ends near one point that are checked: an outline has two.
 const ENDS_MAX: usize = 64;
 /// Most contours: nesting compares their boxes in pairs.
 const CONTOURS_MAX: usize = 20_000;

@@ -18,8 +18,8 @@ use std::fmt::Write;
 const RECORDS_MAX: usize = 300_000;
 /// Most names of layers and kinds of entities in a message.
 const NAMES_MAX: usize = 20;
-/// The entities that are read: what they must have, and what goes on to the crate. Of 10 and 11 (x of
-/// a point) the y, 20 and 21, comes with it.
+/// The entities that are read: their required groups, and the groups passed to the crate. Of 10 and
+/// 11 (x of a point) the y, 20 and 21, comes with it.
 const KINDS: [(&str, &[i32], &[i32]); 8] = [
     ("LINE", &[10, 20, 11, 21], &[10, 20, 11, 21]),
     ("CIRCLE", &[10, 20, 40], &[10, 20, 40, 210, 220, 230]),
@@ -71,7 +71,7 @@ struct Layer {
     is_hidden: bool,
 }
 
-/// What is found on the way through the entities.
+/// Findings of the scan through the entities.
 #[derive(Default)]
 struct Reader<'a> {
     chosen: Vec<String>,
@@ -340,7 +340,7 @@ impl<'a> Reader<'a> {
         Ok(false)
     }
 
-    /// Writes what the crate is to read of an entity, each number looked at.
+    /// Writes the part of an entity that the crate is to read, with each number checked.
     fn write(&mut self, group: &[Pair], text: &mut String) -> Result<(), InputError> {
         let (kind, line) = (group[0].value, group[0].line);
         let Some((_, needed, read)) = KINDS.iter().find(|known| known.0 == kind) else {

@@ -63,7 +63,7 @@ pub fn approach(
     let units = UNITS_PER_NATURAL[CHANNEL_Z];
     let natural: [f64; CHANNELS] =
         std::array::from_fn(|c| f64::from(start[c]) / UNITS_PER_NATURAL[c]);
-    // How much deeper Z stands for a leaning head than for an upright one whose tip is as high.
+    // Difference of Z between a tilted head and an upright one with the tip at the same height.
     let leaning_mm = match machine.kinematics {
         Kinematics::Planar => 0.0,
         Kinematics::Gantry { pivot_length_mm } => {

@@ -25,7 +25,7 @@ use headway_firmware::configuration::MachineConfiguration;
 use rest::{Printed, Rest, RestError, check_flat, printed_between, printed_top_mm, rest_of};
 use thiserror::Error;
 
-/// Layer height of a job that does not tell its own, mm.
+/// Layer height of a job that does not contain its own, mm.
 const LAYER_MM: f64 = 0.2;
 
 /// What is needed to begin again.

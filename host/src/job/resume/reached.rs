@@ -109,7 +109,7 @@ impl Reached {
     }
 }
 
-/// What a log says, as ticks of its stream: done, and sent.
+/// The progress in a log, as ticks of its stream: done, and sent.
 fn ticks_of(logged: &LoggedStream, stream: &SegmentStream, frames: &WireFrames) -> [u64; 2] {
     let sent = match logged.frames_sent.checked_sub(1) {
         Some(last) => frames.totals_after(last as usize).0,

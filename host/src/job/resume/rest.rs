@@ -17,9 +17,9 @@ use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, ChannelPoint};
 use std::collections::HashMap;
 use thiserror::Error;
 
-/// Cells in which a pass is looked at for places where it lies on itself, mm: less than a bead's width.
+/// Cells in which a pass is searched for places where it overlaps itself, mm: less than a bead's width.
 const CELL_MM: f64 = 0.25;
-/// Pieces of the way are no longer than that where it is looked at, mm.
+/// Longest part of the path in that search, mm.
 const LOOK_MM: f64 = 0.5 * CELL_MM;
 /// Most pieces of one span: 60 m/s at the longest span of a move.
 const LOOKS_MAX: usize = 4096;
@@ -61,7 +61,7 @@ pub enum RestError {
     /// The job has no such pass.
     #[error("the job has no pass {pass}: they are counted from 0 to {last}")]
     NoPass {
-        /// What was asked for.
+        /// The requested pass.
         pass: u32,
         /// The job's last one.
         last: u32,
@@ -69,7 +69,7 @@ pub enum RestError {
     /// The job has no such layer.
     #[error("the job prints nothing in layer {layer}: it has layers 1 to {layers}")]
     NoLayer {
-        /// What was asked for, from 1.
+        /// The requested layer, from 1.
         layer: u32,
         /// Layers of the job.
         layers: u32,
@@ -89,7 +89,7 @@ pub enum RestError {
     Stacked {
         /// The pass.
         pass: u32,
-        /// Where it lies on itself, machine coordinates.
+        /// Where it overlaps itself, machine coordinates.
         x_mm: f64,
         /// The same.
         y_mm: f64,
@@ -225,8 +225,8 @@ fn rest_before(stream: &SegmentStream, span: usize) -> Option<ChannelPoint> {
     (control(2) == here && control(3) == here).then_some(here)
 }
 
-/// The prime to put before a pass that has none between its start and its first way: the last one before it, else
-/// the job's first.
+/// The prime to add before a pass that has none between its start and its first move: the last one before it,
+/// else the job's first.
 fn own_prime(stream: &SegmentStream, span: u32, print_span: u32) -> Option<FlowEvent> {
     let primes = || {
         let events = stream.events.iter();
@@ -261,7 +261,7 @@ fn marks_from(marks: &[Mark], cut_tick: u64, lead_ticks: u64, primed: bool) -> V
     made
 }
 
-/// The latest orders up to a tick at the start, heaters waited for, the fan with the first move; then those behind it.
+/// The latest orders up to a tick at the start, heaters waited for, the fan with the first move; then those after it.
 fn heat_from(events: &[HeatEvent], cut_tick: u64, lead_ticks: u64) -> Vec<HeatEvent> {
     let mut latest: Vec<HeatOrder> = Vec::new();
     for event in events.iter().take_while(|event| event.tick <= cut_tick) {

@@ -11,7 +11,7 @@ use zip::ZipArchive;
 
 /// Most bytes of all model files once unpacked: the text of three million triangles.
 const UNPACKED_MAX: u64 = 1 << 28;
-/// Most bytes of a file beside the models.
+/// Maximum size of a file other than the models, bytes.
 const NOTES_MAX: u64 = 1 << 24;
 
 /// What a package holds.
@@ -22,7 +22,7 @@ pub(super) struct Files {
     pub unfollowed: Unfollowed,
 }
 
-/// Reads all models, and what is known beside them.
+/// Reads all models, and the slicers' own files.
 pub(super) fn files(bytes: &[u8]) -> Result<Files, MeshError> {
     let unread = |error: zip::result::ZipError| problem(&error.to_string());
     let mut package = ZipArchive::new(Cursor::new(bytes)).map_err(unread)?;

@@ -45,7 +45,7 @@ impl Role {
         }
     }
 
-    /// By the words of PrusaSlicer, Bambu Studio and OrcaSlicer; what is none of them is material.
+    /// By the words of PrusaSlicer, Bambu Studio and OrcaSlicer; all others are material.
     fn of_word(word: &str) -> Role {
         match word {
             "NegativeVolume" | "negative_part" => Role::Negative,
@@ -122,7 +122,7 @@ impl Roles {
     }
 }
 
-/// Keys that say where a volume comes from, and nothing of how it is printed.
+/// Keys with the origin of a volume, without effect on printing.
 fn is_setting(key: &str, value: &str) -> bool {
     match key {
         "name" | "volume_type" | "modifier" | "matrix" | "mesh_shared" | "part_type" => false,
@@ -141,7 +141,7 @@ struct Reading {
     plate_has_objects: bool,
 }
 
-/// Reads what PrusaSlicer, Bambu Studio or OrcaSlicer say of objects.
+/// Reads the object settings of PrusaSlicer, Bambu Studio or OrcaSlicer.
 ///
 /// # Errors
 /// What is no XML.

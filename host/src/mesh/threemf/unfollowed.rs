@@ -7,12 +7,12 @@ use super::xml::{Part, read};
 use crate::mesh::MeshError;
 use std::collections::BTreeSet;
 
-/// Entries of a list that are told one by one.
+/// Entries of a list that are reported one by one.
 const TOLD_MAX: usize = 8;
 /// Longest list, characters.
 const CHARS_MAX: usize = 600;
 
-/// Heights of an object, and what is asked for there.
+/// Heights of an object, and the settings there.
 const RANGES: [&str; 2] = [
     "Metadata/Slic3r_PE_layer_config_ranges.xml",
     "Metadata/layer_config_ranges.xml",
@@ -33,7 +33,7 @@ const PROJECTS: [&str; 2] = [
     "Metadata/project_settings.config",
 ];
 
-/// What the files beside the models ask for.
+/// Settings of the files other than the models.
 #[derive(Debug, Default)]
 pub(super) struct Unfollowed {
     /// From and to, mm, and the settings there.
@@ -168,7 +168,7 @@ impl Unfollowed {
     }
 }
 
-/// What stands in a list, up to a bound, and how many more there are.
+/// Entries of a list, up to a bound, and the number of others.
 fn told(entries: impl Iterator<Item = String>, between: &str) -> String {
     let mut entries: Vec<String> = entries.collect();
     let more = entries.len().saturating_sub(TOLD_MAX);
@@ -298,7 +298,7 @@ fn painted(painted: &Painted) -> Option<String> {
     (!kinds.is_empty()).then(|| format!("painted and not followed: {}", kinds.join(", ")))
 }
 
-/// What the user is told of a package: one line for each kind of thing.
+/// Notes on a package: one line for each kind of thing.
 pub(super) fn notes(
     unfollowed: &Unfollowed,
     aside: &Aside,

@@ -11,10 +11,10 @@ use crate::pipeline::gcode::GcodePlan;
 use crate::report::figures::Figures;
 use crate::settings::Settings;
 
-/// Volume beside the file's that is told, per cent.
+/// Difference from the file's volume that is reported, per cent.
 const VOLUME_TOLD_PCT: f64 = 0.5;
 
-/// Length at other widths that is told, mm.
+/// Length at other widths that is reported, mm.
 const OFF_TOLD_MM: f64 = 0.1;
 
 /// Findings of a plan that took `plan_s` seconds, made with these settings.
@@ -126,7 +126,7 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
     warnings
 }
 
-/// That nobody looked for touches, where the file goes down and the head has no shape.
+/// A note that collisions were not checked, if the file moves down and the head has no shape.
 fn head_unknown(planned: &GcodePlan) -> Option<String> {
     let descent = planned
         .descent

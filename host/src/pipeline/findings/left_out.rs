@@ -10,8 +10,8 @@ use crate::report::Place;
 /// Places of either kind that the report's page lists.
 const PLACES_SHOWN: usize = 20;
 
-/// Open ground and unreachable boundary as places for the eye; `layers` are the lowest ones of the boundary, where
-/// they are known.
+/// Uncovered area and unreachable boundary as places for display; `layers` are the lowest ones of the boundary,
+/// where they are known.
 pub(crate) fn left_out(
     open: &[OpenGround],
     unreachable: &[UnreachableRun],

@@ -38,7 +38,7 @@ use settings_warnings::settings_warnings;
 use use_figures::{short_layers_note, stacked_figures, use_figures};
 use wide_beads::{Laid, LateLayers};
 
-/// Places of unreachable boundary that are told one by one.
+/// Places of unreachable boundary that are reported one by one.
 const PLACES_TOLD: usize = 3;
 /// Places of unreachable boundary that the figures list.
 const PLACES_LISTED: usize = 1000;
@@ -102,7 +102,7 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
     }
 }
 
-/// The largest piece of ground that stays open; a path has none.
+/// The largest connected uncovered area; a path has none.
 fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
     let largest = open.first().map_or(0.0, |piece| piece.area_mm2);
     let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
@@ -214,7 +214,7 @@ fn curved_layer_figures(curved: &CurvedFigures) -> CurvedLayerFigures {
     }
 }
 
-/// What came to lie inside the walls, which is not always what was asked for.
+/// The infill inside the walls, which is not always the requested one.
 fn laid_inside(kind: &LayerGroup) -> Inside {
     let is_solid = kind.infill.is_some_and(|infill| infill.is_solid());
     let open = kind.regions.iter().filter(|region| !region.open.is_empty());
@@ -271,7 +271,7 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
     warnings
 }
 
-/// What is said of boundary that cannot be touched: `length_mm` of it over all layers.
+/// Notes on unreachable boundary: `length_mm` of it over all layers.
 pub(crate) fn unreachable_note(unreachable: &[UnreachableRun], length_mm: f64) -> Option<String> {
     let places = longest_first(unreachable).into_iter().take(PLACES_TOLD);
     let places: Vec<String> = places

@@ -18,10 +18,10 @@ use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::figures::{Figures, LayerPlace};
 use crate::settings::Settings;
 
-/// Places of each kind that are told one by one.
+/// Places of each kind that are reported one by one.
 const PLACES_TOLD: usize = 3;
 
-/// Looks a plan over that took `plan_s` seconds; `laid` is what its beads showed as they came.
+/// Looks a plan over that took `plan_s` seconds; `laid` has the findings of its blocks.
 pub(crate) fn part_findings(
     part: &SlicedPart,
     planned: &PartPlan,
@@ -149,7 +149,7 @@ fn warnings(part: &SlicedPart, planned: &PartPlan, settings: &Settings) -> Vec<S
     warnings
 }
 
-/// What hangs, what is left out, what was slowed.
+/// Overhangs, omitted regions, slowed layers.
 fn part_warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
     let mut warnings = Vec::new();
     let top_mm = |layer: u32| part.layers[layer as usize].top_mm;

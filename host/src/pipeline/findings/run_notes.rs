@@ -40,7 +40,7 @@ fn on_surface(plan: &Plan) -> Option<String> {
     ))
 }
 
-/// Where a flat nozzle does not lie on the ground.
+/// Where a flat nozzle does not fit the surface.
 fn sharp_bend(plan: &Plan) -> Option<String> {
     let bend = plan.on_surface.as_ref()?.sharp_bend?;
     let [x, y, z] = bend.at_mm;
@@ -90,7 +90,7 @@ fn left_out(plan: &Plan) -> Option<String> {
     ))
 }
 
-/// Where the run was laid.
+/// Position of the run.
 fn found_place(plan: &Plan) -> Option<String> {
     let found = plan.found_place?;
     let [x, y, z] = plan.transform.offset_mm;
@@ -100,7 +100,7 @@ fn found_place(plan: &Plan) -> Option<String> {
     ))
 }
 
-/// How the tool axis leans.
+/// Tilt of the tool axis.
 fn leans(plan: &Plan) -> Option<String> {
     let leaned = plan.leaned.as_ref()?;
     let [passes, all] = leaned.passes;
@@ -110,7 +110,7 @@ fn leans(plan: &Plan) -> Option<String> {
     ))
 }
 
-/// That nobody looked for touches, where a head that tilts has no shape.
+/// A note that collisions were not checked, if a tilting head has no shape.
 fn head_unknown(plan: &Plan, settings: &Settings) -> Option<String> {
     let tilts = settings.tilts();
     let is_run = plan.kinds.is_empty() || plan.curved_layers.is_some();

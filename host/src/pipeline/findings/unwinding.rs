@@ -10,7 +10,7 @@ use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNELS};
 use std::f64::consts::{PI, TAU};
 
-/// Places that are told.
+/// Number of reported places.
 const PLACES_TOLD: usize = 3;
 /// More than half a turn, with what a curve's ends are off.
 const UNWOUND_RAD: f64 = PI + 0.05;

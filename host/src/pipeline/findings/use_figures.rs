@@ -66,7 +66,7 @@ pub(crate) fn use_figures(
     }
 }
 
-/// Open ground that lies over itself; none of one layer.
+/// Stacked uncovered area; none of one layer.
 pub(crate) fn stacked_figures((cells, layers): &(OpenCells, u32)) -> Figures {
     if *layers < 2 {
         return Figures::default();
@@ -79,7 +79,7 @@ pub(crate) fn stacked_figures((cells, layers): &(OpenCells, u32)) -> Figures {
     }
 }
 
-/// What is said of layers that are over too soon all the same.
+/// The note on layers that are still too short.
 pub(crate) fn short_layers_note(slowed: SlowedLayers, settings: &Settings) -> Option<String> {
     (slowed.still_short > 0).then(|| {
         format!(

@@ -66,7 +66,7 @@ impl Laid {
         went_on: 0,
     };
 
-    /// Of this stream after what was laid before.
+    /// For this stream after the earlier ones.
     pub(crate) fn with(self, stream: &SegmentStream, settings: &Settings) -> Laid {
         let primed_units: i64 = (stream.events.iter())
             .map(|event| match event.action {
@@ -88,7 +88,8 @@ impl Laid {
         }
     }
 
-    /// The figures, `volume_mm3` being that of the passes: a pump that runs on lays what its starts brought.
+    /// The figures, `volume_mm3` being that of the passes: a pump that runs on deposits the volume of its
+    /// starts.
     pub(crate) fn figures(
         &self,
         late: &LateLayers,
@@ -112,7 +113,7 @@ impl Laid {
         }
     }
 
-    /// What is not kept of what wide beads ask for.
+    /// Exceeded limits of wide beads.
     pub(crate) fn objections(
         &self,
         late: &LateLayers,

@@ -34,7 +34,7 @@ impl Look {
             let room = [work_area_mm[0][k], work_area_mm[1][k]];
             let joint = machine.joints.get(k).filter(|joint| !joint.rotary);
             let ends = joint.map(|joint| [joint.position_min, joint.position_max]);
-            // Far beyond the work area a range says nothing of how large the machine is.
+            // Far beyond the work area a range gives no information on the machine's size.
             let far = 1.0 + 3.0 * (room[1] - room[0]);
             let near = |ends: &[f64; 2]| room[0] - ends[0] < far && ends[1] - room[1] < far;
             ends.filter(near).unwrap_or(room)
