@@ -34,7 +34,7 @@ pub fn pose_limits(settings: &Settings) -> PoseLimits {
     }
 }
 
-/// The built-in machine's tip acceleration, mm/s², for which prices of area are said.
+/// The built-in machine's tip acceleration, mm/s², for which prices of area are defined.
 const TIP_ACCELERATION_MM_S2: f64 = 3000.0;
 
 /// Price of area, s/mm²: the quality's price for the built-in machine and nozzle, the same for all in units of the

@@ -64,8 +64,8 @@ impl Axis {
         })
     }
 
-    /// The axis with nodes on its links: `nodes` takes the way along a link and the radii at its
-    /// ends, and says which share of the way each lies at, rising, and its radius.
+    /// The axis with nodes on its links: `nodes` gets the length of a link and the radii at its
+    /// ends, and returns the share of the length of each node, increasing, and its radius.
     fn divided<Nodes>(&self, nodes: impl Fn(Vector2, [f64; 2]) -> Nodes) -> Axis
     where
         Nodes: IntoIterator<Item = (f64, f64)>,
@@ -229,7 +229,7 @@ impl Subtree {
         }
     }
 
-    /// Removes branches from a free end to a junction that are short beside the radius there.
+    /// Removes branches from a free end to a junction that are short relative to the radius there.
     fn drop_short_branches(&mut self) -> bool {
         let mut doomed: Vec<Vec<usize>> = Vec::new();
         for end in 0..self.links.len() {
@@ -250,7 +250,7 @@ impl Subtree {
             }
         }
         for branch in &doomed {
-            // The last two branches of a junction stay for now: they are one way through it.
+            // The last two branches of a junction stay for now: they are one path through it.
             let base = branch[branch.len() - 1];
             if self.links[base].len() > 2 {
                 for pair in branch.windows(2) {

@@ -71,7 +71,7 @@ pub fn slice(region: &Region, chords: &[Vec<Point2>]) -> Vec<Region> {
             exterior: to_ring(&rings[0]),
             holes: rings[1..].iter().map(to_ring).collect(),
         })
-        // Two chords from one corner of the walls leave ground of no width there.
+        // Two chords from one corner of the walls leave an area of zero width there.
         .flat_map(turned_back)
         .map(|piece| finished(piece, origin))
         .collect()
@@ -83,7 +83,7 @@ fn finished(mut piece: Region, origin: Point2) -> Region {
         for point in &mut ring.points {
             *point += origin.coords;
         }
-        // Where a cut meets the wall beside a vertex, the slicer's grid leaves one point or two.
+        // Where a cut meets the wall next to a vertex, the slicer's grid leaves one point or two.
         let is_same = |a: &mut Point2, b: &mut Point2| (*a - *b).norm() < SAME_POINT_MM;
         ring.points.dedup_by(is_same);
         ring.begin_at_extreme();

@@ -20,9 +20,9 @@ pub const BEADS_MAX: usize = 4096;
 const CHANGE: f64 = 1.0;
 /// Further weight of each bead in one change.
 const CHANGE_STEP: f64 = 1.0;
-/// Least length of axis that a node stands for, of the unit.
+/// Least length of axis that a node represents, of the unit.
 const NODE_LEAST: f64 = 0.01;
-/// Printed path of one bead, per mm of axis: it lies on both sides.
+/// Printed path of one bead, per mm of axis: it is on both sides.
 const BEAD_WEIGHT: f64 = 2.0;
 
 /// Range of the width of a bead channel, the strip between neighbouring beads' edges that one bead
@@ -169,7 +169,7 @@ fn tiling_cost(radius_mm: f64, beads: f64, widths: ChannelWidths) -> f64 {
 }
 
 /// Share of the widest bead that straight channels may need: the rest is for their corners, where
-/// the way across is longer.
+/// the distance across is longer.
 const WIDEST_SHARE: f64 = 0.97;
 
 fn change_cost(from: usize, to: usize, unit_mm: f64) -> f64 {

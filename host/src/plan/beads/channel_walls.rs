@@ -24,7 +24,7 @@ use rayon::prelude::*;
 const OUT_SHARE: f64 = 0.8;
 /// How far it moves in where that bead reached too far.
 const IN_SHARE: f64 = 0.8;
-/// A chord whose middle lies further in than this (times b) belongs to a bead of the other side.
+/// A chord whose middle is further inside than this (times b) belongs to a bead of the other side.
 const OWN_SIDE_SHARE: f64 = 0.25;
 /// Far above the rounding of places, mm.
 const ROUNDING_MM: f64 = 1e-6;
@@ -81,7 +81,7 @@ impl Laid {
         let own_cell = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
         let from_middle = p - own_cell * self.cell_mm;
         for (dr, dc) in (-2..=2).flat_map(|dr| (-2..=2).map(move |dc| (dr, dc))) {
-            // Cells whose poses are all beside the line, 0.71 of a cell about the middle.
+            // Cells whose poses are all off the line, 0.71 of a cell around the middle.
             let middle = Vector2::new(f64::from(dc), f64::from(dr)) * self.cell_mm;
             if (from_middle - middle).perp(&normal).abs() > reach_mm + 0.75 * self.cell_mm {
                 continue;
@@ -93,7 +93,7 @@ impl Laid {
                 .flatten()
             {
                 let offset = p - pose.center;
-                // Most are beside the line.
+                // Most are off the line.
                 if offset.perp(&normal).abs() > reach_mm {
                     continue;
                 }

@@ -25,11 +25,11 @@ const END_SHARE: f64 = 9.5;
 const TOO_WIDE: f64 = 40.0;
 /// Cost of a passage too narrow for two sides, for each b of missing radius, per mm.
 const TOO_NARROW: f64 = 10.0;
-/// Radius against b below which a passage is tight: sides that lie on each other nearly altogether are
-/// only laid where they go on to wider ground.
+/// Radius against b below which a passage is tight: sides that overlap almost completely are only
+/// printed where they continue into a wider area.
 const TIGHT_SHARE: f64 = 1.4;
-/// Longest tight stretch that they are sure to be laid through, against a. Along the wall it is 2.5,
-/// where bends make it longer.
+/// Longest tight stretch through which they are certainly printed, relative to a. Along the wall it
+/// is 2.5, where bends make it longer.
 const TIGHT_LENGTH_SHARE: f64 = 1.5;
 /// Cost of laying two beads where one would do, per mm.
 const TWO_FOR_ONE: f64 = 0.05;
@@ -60,7 +60,7 @@ struct Passages<'a> {
     neighbours: &'a [Vec<u32>],
     is_neck: &'a [bool],
     aperture: &'a Aperture,
-    /// Where two sides would not be laid.
+    /// Where two sides would not be printed.
     is_open: Vec<bool>,
     /// What one bead costs more than two sides at the width of each node, per mm.
     more: Vec<f64>,
@@ -87,7 +87,7 @@ impl<'a> Passages<'a> {
         passages
     }
 
-    /// The neighbours of a node that something goes on to: nothing does through a neck.
+    /// The neighbours of a node into which something continues: nothing does through a neck.
     fn near(&self, node: usize) -> impl Iterator<Item = usize> {
         let near = self.neighbours[node].iter().map(|&n| n as usize);
         near.filter(|&n| !self.is_neck[n])
@@ -174,8 +174,8 @@ impl<'a> Passages<'a> {
     }
 
     /// The nodes of single runs: necks, joints and passages of at least two chosen links, ends of one.
-    /// Where a run ends in a passage its last node is part of it if its width asks for one bead. An axis
-    /// of one point has no length to weigh: it is single only where it has to be.
+    /// Where a single bead ends in a passage its last node is part of it if its width requires one bead.
+    /// An axis of one point has no length to weigh: it is single only where it has to be.
     fn nodes_of<'l>(&self, chosen: impl Iterator<Item = &'l [u32; 2]>) -> Vec<bool> {
         let mut counts = vec![0; self.is_neck.len()];
         for node in chosen.flatten() {

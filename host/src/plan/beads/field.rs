@@ -29,8 +29,8 @@ pub struct Field {
 
 const NONE: u32 = u32::MAX;
 
-/// Steps of the grid beyond the region: more than two, and fractions that no round measure has, so
-/// that nodes do not lie on walls or lines of symmetry, where rounding would choose.
+/// Steps of the grid beyond the region: more than two, and fractions that no round dimension has,
+/// so that nodes are not on walls or lines of symmetry, where rounding would decide.
 const MARGIN: Vector2 = Vector2::new(2.37, 2.61);
 
 impl Field {

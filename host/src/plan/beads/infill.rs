@@ -35,8 +35,8 @@ const ROWS_MAX: f64 = 1e6;
 /// Rounds of the search for the end of a blocked interval: to 1e-9 of the edge.
 const SEARCH_ROUNDS: usize = 48;
 
-/// Mean width of ground, against a, below which a solid infill is laid in loops: lines across it
-/// would be little more than their two ends.
+/// Mean width of an area, relative to a, below which a solid infill is printed in loops: lines
+/// across it would be little more than their two ends.
 const LOOPS_SHARE: f64 = 6.0;
 
 /// All passes inside the walls: lines, and loops where a solid infill has too little room for lines.
@@ -89,7 +89,7 @@ fn is_narrow(region: &Region, aperture: &Aperture) -> bool {
     2.0 * region.area_mm2() < LOOPS_SHARE * aperture.major_mm() * perimeter_mm
 }
 
-/// The ground filled along its outline; nothing where it has no medial axis.
+/// The area filled along its outline; nothing where it has no medial axis.
 fn loops_of(region: &Region, settings: &PassSettings) -> Vec<LayerPass> {
     let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
     let axis = MedialAxis::of_edges(&walls, &AxisOptions::of(&settings.aperture));
@@ -309,7 +309,7 @@ impl Lines<'_> {
     }
 }
 
-/// The part of a segment whose second coordinate lies strictly between `low` and `high`.
+/// The part of a segment whose second coordinate is strictly between `low` and `high`.
 fn clipped(p: Vector2, q: Vector2, low: f64, high: f64) -> Option<[Vector2; 2]> {
     let rise = q.y - p.y;
     if rise.abs() < 1e-12 {

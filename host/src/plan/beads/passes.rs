@@ -49,14 +49,15 @@ impl PassSettings {
     }
 
     /// How far each of two neighbouring beads reaches over the line between their channels, against
-    /// the width of its own: beads as wide as their channels / (1 - overlap) lie over each other by
-    /// that share of their width.
+    /// the width of its own: beads as wide as their channels / (1 - overlap) overlap by that share
+    /// of their width.
     fn reach_over_share(&self) -> f64 {
         0.5 * self.overlap / (1.0 - self.overlap)
     }
 
-    /// The width of a bead from the outer wall of its channel, `width_mm` from the inner one: of all
-    /// but the outermost the outer wall lies as far out already as the bead reaches over it.
+    /// The width of a bead from the outer wall of its channel, `width_mm` from the inner one: for
+    /// all but the outermost the outer wall is already moved out by as much as the bead extends over
+    /// it.
     fn bead_width_mm(&self, width_mm: f64, channel: usize) -> f64 {
         let over = self.reach_over_share();
         let own = if channel == 1 { 1.0 } else { 1.0 + over };
@@ -209,7 +210,7 @@ fn piece_passes(
     (all, open)
 }
 
-/// The outer wall of a channel: the outline, or the level curve moved onto what was laid.
+/// The outer wall of a channel: the outline, or the level curve moved onto earlier beads.
 fn channel_rings(
     channel: usize,
     piece: &Region,
@@ -299,7 +300,7 @@ fn channel_passes(
     found
 }
 
-/// Least slope of the field on the way to a channel's inner wall, against that at its outer wall.
+/// Least slope of the field towards a channel's inner wall, relative to that at its outer wall.
 /// Beyond the bisector of a right corner the slope is none: there neither rounding nor a little
 /// noise may choose.
 const SLOPE_SHARE_MIN: f64 = 0.03;
@@ -339,7 +340,7 @@ fn channel_width_mm(
 
 /// Leaves out what is too short for a pass. Where that would be all of a piece (a room that the
 /// aperture enters but can hardly move in), its longest run stays: whether it covers anything that
-/// others don't is looked at once all are laid ([`drop_idle`]).
+/// others do not is checked once all exist ([`drop_idle`]).
 fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {
     let is_long = |pass: &LayerPass| {
         let least_mm = if pass.closed {
@@ -358,7 +359,7 @@ fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {
     found.retain(is_long);
 }
 
-/// Shortest open run of a channel against a: a shorter one would lay one blot on its neighbours.
+/// Shortest open run of a channel against a: a shorter one would deposit a blot on its neighbours.
 const RUN_SHARE_MIN: f64 = 2.0;
 /// Shortest loop against b: what does not move at all is no pass.
 const LOOP_SHARE_MIN: f64 = 0.5;

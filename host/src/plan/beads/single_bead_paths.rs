@@ -107,7 +107,7 @@ impl Graph<'_> {
         branches
     }
 
-    /// What goes on in what at the joints.
+    /// Continuations at the junctions.
     fn partners(&self, branches: &[Branch], reach_mm: f64) -> HashMap<End, End> {
         let mut at_joint: HashMap<usize, Vec<End>> = HashMap::new();
         for (number, branch) in branches.iter().enumerate() {
@@ -166,7 +166,7 @@ impl Graph<'_> {
         way.try_normalize(1e-12).unwrap_or(Vector2::zeros())
     }
 
-    /// Branches one behind the other: open single-bead paths from their free ends, then loops.
+    /// Consecutive branches: open single-bead paths from their free ends, then loops.
     fn traced(&self, branches: &[Branch], partners: &HashMap<End, End>) -> Vec<SingleBeadPath> {
         let mut taken = vec![false; branches.len()];
         let mut found = Vec::new();

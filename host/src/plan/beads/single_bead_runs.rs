@@ -86,7 +86,7 @@ pub fn split_region(
 }
 
 /// Marks the nodes of single runs: the cheapest division of the axis into stretches with one bead
-/// and with two sides, and all that is too narrow to print but has something behind it.
+/// and with two sides, and all stretches that are too narrow to print but lead to a printable one.
 fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -> Vec<bool> {
     let is_neck = necks(axis, neighbours, settings.aperture.minor_mm());
     let mut single = cheapest_division(axis, neighbours, &is_neck, settings);
@@ -100,7 +100,7 @@ fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -
     single
 }
 
-/// Marks the nodes that are too narrow to print but have something behind them.
+/// Marks the nodes that are too narrow to print but lead to printable ones.
 fn necks(axis: &Axis, neighbours: &[Vec<u32>], b: f64) -> Vec<bool> {
     let mut is_neck = vec![false; axis.points.len()];
     let mut seen = is_neck.clone();
@@ -123,8 +123,8 @@ const POINT_LENGTH_SHARE_MAX: f64 = 8.0;
 /// Widest end of a dead end that is a point, against b.
 const POINT_RADIUS_SHARE_MAX: f64 = 1.5;
 
-/// Gives short single runs from a piece into a point to the piece: a bead there is gone along in
-/// and out again, which its two sides do with less ground covered twice.
+/// Gives short single runs from a piece into a point to the piece: a bead there would be followed
+/// in and out again, which its two sides do with less area covered twice.
 fn drop_points(single: &mut [bool], axis: &Axis, neighbours: &[Vec<u32>], aperture: &Aperture) {
     let length_max_mm = POINT_LENGTH_SHARE_MAX * aperture.major_mm();
     let radius_max_mm = POINT_RADIUS_SHARE_MAX * aperture.minor_mm();
@@ -188,7 +188,7 @@ fn is_tip(component: &[usize], neighbours: &[Vec<u32>]) -> bool {
     component.iter().any(|&n| neighbours[n].len() <= 1)
 }
 
-/// The nodes that belong to pieces, so that a piece looks at those near it alone.
+/// The nodes that belong to parts, so that a part only searches those near it.
 struct NodesByPlace {
     /// Numbers of the nodes by rising x.
     by_x: Vec<u32>,
@@ -282,7 +282,7 @@ fn runs(
     paths.into_iter().filter(is_long).map(run).collect()
 }
 
-/// What lies behind the end of a run.
+/// The continuation after the end of a single bead.
 #[derive(Clone, Copy, Debug)]
 enum RunEnd {
     /// A wall.
@@ -292,7 +292,7 @@ enum RunEnd {
 }
 
 /// Contacts on a chain of axis nodes. A free end is lengthened by r - b so that the aperture
-/// reaches the wall behind it; one that meets another bead goes on to the joint.
+/// reaches the wall beyond it; one that meets another bead continues to the junction.
 fn axis_contacts(
     chain: &[usize],
     ends: [RunEnd; 2],

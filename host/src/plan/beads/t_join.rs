@@ -20,9 +20,9 @@ const STEPS: f64 = (1u64 << 20) as f64;
 /// Highest cost of a link, so that sums over ten million of them fit.
 const COST_MAX: f64 = 1e5;
 /// Most odd nodes that are matched together, since that takes the third power of their number. Larger
-/// parts are parted where ways are dearest.
+/// components are divided where paths are most expensive.
 const PART_MAX: usize = 300;
-/// Nearest odd nodes that ways are sought to from each.
+/// Number of nearest odd nodes to which paths are searched from each.
 const NEAREST: usize = 24;
 
 /// The links to choose. `links` are pairs of nodes below `count`, `costs` the cost of choosing each
@@ -111,22 +111,22 @@ fn chains(links: &[[u32; 2]], near: &[Vec<usize>], chosen: &[bool], costs: &[i64
     found
 }
 
-/// The ways between odd nodes.
+/// The paths between odd nodes.
 struct Ways {
     chains: Vec<Chain>,
     /// The chains at each key node.
     at_node: BTreeMap<usize, Vec<usize>>,
     /// The odd nodes, rising.
     odd: Vec<usize>,
-    /// A way must cost less: what it mends.
+    /// A path must cost less: the price of its two odd nodes.
     cost_max: i64,
 }
 
-/// Two odd nodes by their numbers among these, and what the way between them costs.
+/// Two odd nodes by their numbers among these, and the cost of the path between them.
 type Pair = (i64, [usize; 2]);
 
 impl Ways {
-    /// The odd nodes to be mended together.
+    /// The odd nodes to be matched together.
     fn cheapest_pairs(&self) -> Vec<[usize; 2]> {
         let mut pairs: Vec<Pair> = Vec::new();
         for from in 0..self.odd.len() {
@@ -165,7 +165,7 @@ impl Ways {
         parts.into_values().collect()
     }
 
-    /// The pairs that mend most for what their ways cost, each node in one at most.
+    /// The pairs with the largest saving over the cost of their paths, each node in one at most.
     fn matched(&self, pairs: &[Pair]) -> Vec<[usize; 2]> {
         let mut nodes: Vec<usize> = pairs.iter().flat_map(|pair| pair.1).collect();
         nodes.sort_unstable();
@@ -184,7 +184,7 @@ impl Ways {
         pairs.filter(is_taken).collect()
     }
 
-    /// The links of the cheapest way between two odd nodes.
+    /// The links of the cheapest path between two odd nodes.
     fn links_between(&self, from: usize, to: usize) -> Vec<usize> {
         let is_there = |reached: &[(i64, usize)]| reached.last().is_some_and(|last| last.1 == to);
         let best = self.search(from, is_there).best;
@@ -197,7 +197,8 @@ impl Ways {
         links
     }
 
-    /// The cheapest ways from an odd node (E. Dijkstra, 1959) until `is_enough` of what was reached.
+    /// The cheapest paths from an odd node (E. Dijkstra, 1959) until `is_enough` of what was
+    /// reached.
     fn search(&self, from: usize, is_enough: impl Fn(&[(i64, usize)]) -> bool) -> Reached {
         let start = self.odd[from];
         let mut search = Reached {
@@ -233,7 +234,7 @@ impl Ways {
 
 /// What a search found.
 struct Reached {
-    /// For each key node the cost of the way there and the last chain of it.
+    /// For each key node the cost of the path to it and the last chain of it.
     best: BTreeMap<usize, (i64, Option<usize>)>,
     /// The odd nodes by rising cost: cost and number.
     reached: Vec<(i64, usize)>,

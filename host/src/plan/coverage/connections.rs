@@ -11,16 +11,17 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::pass::sweep::turn_to;
 
-/// Step of a way, mm against b and rad.
+/// Step of a connection, mm relative to b and rad.
 const STEP_SHARE: f64 = 0.6;
 const STEP_RAD: f64 = 0.2;
-/// A way may cut the wall by this share of the aperture; the finished curve is pushed off.
+/// A connection may cut the wall by this share of the aperture; the finished curve is pushed off.
 const CUT_SHARE: f64 = 1e-3;
-/// Slides of one pose of a way, and how far it may be slid, against b.
+/// Slides of one pose of a connection, and the largest slide, relative to b.
 const SLIDES: usize = 4;
 const SLIDE_SHARE: f64 = 0.8;
 
-/// How a way is gone: the shares of the move and of the turn that are done at a share of the way.
+/// Timing of a connection: the shares of the move and of the turn that are done at a share of its
+/// length.
 type Shape = fn(f64) -> [f64; 2];
 
 const BOTH: Shape = |t| [t, t];
@@ -52,7 +53,8 @@ pub fn connection(
     })
 }
 
-/// How far beside the middle of the straight way a bent one goes, against b, the least first.
+/// Lateral offset of a bent connection from the middle of the straight one, relative to b, the
+/// least first.
 const BESIDE_SHARES: [f64; 9] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0];
 
 /// A connection like [`connection`], or else two of them in sequence that meet where there is room:
@@ -69,15 +71,15 @@ pub fn bent_connection(
     let through = |bend| {
         let bend = slide_inside(bend, aperture, walls, SLIDES, CUT_SHARE)?;
         let mut first = way(from, bend)?;
-        // The first way may have slid its end, and has turned it this way or that.
+        // The first connection may have slid its end, and has turned it in either direction.
         first.extend(way(*first.last()?, to)?);
         Some(first)
     };
     way(from, to).or_else(|| bends(from, to, aperture).find_map(through))
 }
 
-/// Where a way may bend: beside the middle of the straight one, turned half way, not yet, already,
-/// or half way the other way round.
+/// Where a connection may bend: at an offset from the middle of the straight one, turned half way,
+/// not yet, already, or half way in the other direction.
 fn bends(
     from: Configuration,
     to: Configuration,

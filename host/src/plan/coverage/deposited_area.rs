@@ -12,10 +12,10 @@ use crate::plan::coverage::raster::{CELLS_MAX, is_fine, same_bead_mm, within_wal
 use crate::plan::pass::sweep::poses_between;
 use crate::plan::pass::{LayerPass, Placement};
 
-/// What ground left open costs against ground laid twice. On a straight way the pieces of an
+/// Cost of uncovered area relative to area covered twice. On a straight path the parts of an
 /// ellipse then overlap by two thirds of it and leave 1 % of its area open.
 const OPEN_WEIGHT: i64 = 15;
-/// Most placements of the second piece that are left out.
+/// Maximum number of placements of the second part that are omitted.
 const SKIPPED_MAX: usize = 64;
 
 /// What the passes of a region cover, and how often.
@@ -55,7 +55,7 @@ impl DepositedArea {
         CutCosts { cells, crossed }
     }
 
-    /// The cells that a pass lays, and is alone to lay.
+    /// The cells that only this pass covers.
     fn laid_once(&self, placements: &[Placement]) -> Vec<LaidCell> {
         let grid = self.raster.grid();
         let placed = placements.iter().map(|placement| &placement.at);
@@ -88,8 +88,8 @@ impl DepositedArea {
     }
 }
 
-/// A cell and the poses that lay it first and last: twice the number of a placement, one less on
-/// the way to it.
+/// A cell and the poses that cover it first and last: twice the number of a placement, one less
+/// before it.
 #[derive(Clone, Copy, Debug)]
 struct LaidCell {
     first_pose: u32,
@@ -97,12 +97,12 @@ struct LaidCell {
 }
 
 impl LaidCell {
-    /// The first placement from which a pass does not lay the cell.
+    /// The first placement from which a pass does not cover the cell.
     fn begin_without(self) -> usize {
         self.last_pose as usize / 2 + 1
     }
 
-    /// True where a pass up to and with a placement lays the cell.
+    /// True if a pass up to and including a placement covers the cell.
     fn is_laid_up_to(self, placement: usize) -> bool {
         self.first_pose as usize <= 2 * placement
     }
@@ -112,7 +112,7 @@ impl LaidCell {
 pub struct CutCosts {
     /// Sorted by [`LaidCell::begin_without`].
     cells: Vec<LaidCell>,
-    /// For each placement the cells that lie on both sides of it.
+    /// For each placement the cells on both sides of it.
     crossed: Vec<i64>,
 }
 

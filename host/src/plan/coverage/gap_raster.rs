@@ -46,7 +46,7 @@ pub struct GapRaster {
     sums: Vec<[u32; 2]>,
     /// Connected sets of open cells, each from its first cell on, in raster order of that cell.
     gaps: Vec<Vec<u32>>,
-    /// Rows covered anew since sums and gaps were found.
+    /// Rows newly covered since sums and gaps were found.
     stale_rows: Vec<bool>,
     /// The search for gaps that saw the cell last, and the number of searches.
     seen: Vec<u32>,
@@ -398,7 +398,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Goes from one pose of a part towards the one before or behind it, `at_mm` along the path.
+    /// Moves from one pose of a part towards the one before or after it, `at_mm` along the path.
     /// Places along one part only rise or only fall, so that for each cell the first and the last
     /// visit are all that counts; the last one is put down when the path leaves it, or by
     /// [`Walk::end`]. The pass itself counts where cells are listed.

@@ -14,7 +14,7 @@ use std::cell::Cell;
 
 /// Least area that a pass covers alone, against the aperture's: an interruption of flow for less is not worth it.
 const ALONE_SHARE_MIN: f64 = 1.0;
-/// A pass that covers this share of its ground alone stays, however small: nothing else is near.
+/// A pass that alone covers this share of its area is kept, however small: nothing else is near.
 const APART_SHARE: f64 = 0.9;
 
 /// Drops passes that alone cover almost no area. `bounds` contains all passes. If the raster is too coarse for the

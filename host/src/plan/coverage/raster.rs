@@ -31,11 +31,11 @@ use std::sync::atomic::{AtomicU32, Ordering};
 pub const CELL_SHARE: f64 = 0.1;
 pub const CELLS_MAX: usize = 8_000_000;
 /// Largest cell against the minor semi-axis: a coarser raster (of a region of more than about 0.3 m
-/// with the built-in aperture) says nothing about ends and cuts of beads.
+/// with the built-in aperture) does not resolve ends and cuts of beads.
 const FINE_SHARE_MAX: f64 = 0.5;
 
 /// How far along its path a bead is the same bead for the stages that weigh single moves, against a. A
-/// gap-fill move out and back lies over itself: by [`return_mm`](crate::geometry::coverage::return_mm), which
+/// gap-fill move out and back overlaps itself: by [`return_mm`](crate::geometry::coverage::return_mm), which
 /// figures count by, few would pay.
 const SAME_BEAD_SHARE: f64 = 4.0;
 

@@ -15,7 +15,7 @@ use crate::plan::joining::links::{LENGTH_SHARE, TURN_MAX_RAD};
 use std::ops::Range;
 
 /// Control points that a detour leaves out on either side of the spans, the fewest first: as far as
-/// a link may reach where placements lie as far apart as contacts mostly do.
+/// a link may extend if placements are as far apart as contacts usually are.
 const BESIDE: [usize; 4] = [2, 4, 8, 16];
 /// Control points beyond a detour that may be pushed along with it.
 const MARGIN: usize = 8;
@@ -31,7 +31,7 @@ pub fn detoured(
     inside: &InsideWalls,
 ) -> Option<Vec<PlaneControl>> {
     let mut found: Option<Vec<PlaneControl>> = None;
-    // From the last to the first: what lies before a detour keeps its numbers.
+    // From the last to the first: spans before a detour keep their numbers.
     for run in bad_runs(bad).into_iter().rev() {
         let control = found.as_deref().unwrap_or(control);
         let mut detours = BESIDE.into_iter();
@@ -41,8 +41,8 @@ pub fn detoured(
     found
 }
 
-/// The curve with the shortest way that there is instead of the spans and as many control points on
-/// either side; `None` where there is none or it cannot be pushed inside.
+/// The curve with the shortest existing detour instead of the spans and as many control points on
+/// either side; `None` if there is none or it cannot be pushed inside.
 fn around(
     control: &[PlaneControl],
     run: &Range<usize>,
@@ -59,7 +59,7 @@ fn around(
         return None;
     }
     let way = bent_connection(from, to, TURN_MAX_RAD, aperture, walls)?;
-    // Headings go on unwrapped.
+    // Headings are unwrapped.
     let turned_rad = way.last()?.heading_rad - control[last][2];
     let of = |at: &Configuration| [at.center.x, at.center.y, at.heading_rad];
     let mut led = control[..first].to_vec();

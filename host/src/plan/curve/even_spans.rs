@@ -26,7 +26,7 @@ const STEPS: usize = 8;
 const SPANS_MIN: usize = 8;
 /// Poses of a span of the given curve.
 const FINE: usize = 8;
-/// A step below this is none, mm.
+/// A step below this is ignored, mm.
 const LEG_MIN_MM: f64 = 1e-12;
 /// What of the limits of speed a path in corners reaches on the whole: tip, heading.
 const PACE_SHARES: [f64; 2] = [0.45, 0.33];
@@ -123,8 +123,8 @@ impl Way {
     }
 }
 
-/// The mean over `half` poses to either side; beyond the ends the path goes on as its point reflection, so that
-/// they stay.
+/// The mean over `half` poses to either side; beyond the ends the path continues as its point reflection, so
+/// that they stay in place.
 fn averaged(poses: &[PlaneControl], half: usize) -> Vec<PlaneControl> {
     let last = poses.len() as isize - 1;
     let at = |i: isize| -> PlaneControl {
@@ -155,7 +155,7 @@ fn averaged(poses: &[PlaneControl], half: usize) -> Vec<PlaneControl> {
         .collect()
 }
 
-/// What a short way takes on the whole, s.
+/// Time of a short distance, s.
 fn crude_s(from: &PlaneControl, to: &PlaneControl, limits: &PoseLimits) -> f64 {
     let [of_tip, of_heading] = PACE_SHARES;
     let [x, y, turn]: PlaneControl = std::array::from_fn(|c| to[c] - from[c]);

@@ -20,7 +20,7 @@ use std::collections::{BinaryHeap, VecDeque};
 /// off the walls, and its headings leave those of the placements by a few degrees at the most.
 const ROOM_RAD: [f64; 3] = [0.03, 0.1, 0.25];
 
-/// Stops of the joint that follows the heading one to one, rad; the tool stands upright.
+/// Stops of the joint that follows the heading one to one, rad; the tool is upright.
 pub fn heading_range(settings: &Settings) -> [f64; 2] {
     settings
         .heading_joint()
@@ -106,8 +106,7 @@ impl<'a> PassCutter<'a> {
         self.stops.fit(range_rad, slack_rad)
     }
 
-    /// The pass, or pieces of it that fit: of the fewest those for which least ground is laid
-    /// twice.
+    /// The pass, or pieces of it that fit: of the fewest those that cover the least area twice.
     fn pieces(&self, pass: &LayerPass, room_rad: f64) -> Vec<LayerPass> {
         let headings: Vec<f64> = pass.placements.iter().map(|p| p.at.heading_rad).collect();
         let Some(fits_from) = self.stops.fits_from(&headings, room_rad) else {
@@ -128,7 +127,7 @@ impl<'a> PassCutter<'a> {
         let cuts = cheapest_cuts(&fits_from, |cut| cut_at(cut, last).0);
         let ends = cuts.iter().copied().chain([last]);
         let begins = cuts.iter().zip(ends.clone().skip(1));
-        // A piece lies between two cuts at the least.
+        // A part is at least between two cuts.
         let begins = begins.map(|(&cut, end)| cut_at(cut, end - 1).1);
         let pieces = [0].into_iter().chain(begins).zip(ends);
         let pieces = pieces.map(|(begin, end)| LayerPass {
@@ -195,8 +194,8 @@ impl Stops {
     }
 }
 
-/// Of the fewest cuts of a way those that cost least together. Pieces share the placement at a cut;
-/// one that ends with a placement begins at `fits_from` or later.
+/// Of the sets with the fewest cuts the cheapest one. Pieces share the placement at a cut; one that
+/// ends with a placement begins at `fits_from` or later.
 fn cheapest_cuts(fits_from: &[usize], cost: impl Fn(usize) -> i64) -> Vec<usize> {
     // For each placement the cuts and what they cost if there is one here, and where the one before
     // it is.

@@ -24,7 +24,7 @@ const MERGE: f64 = 0.012;
 const MERGE_RAD: f64 = 0.02;
 
 /// What a control point may be moved in all where there is no detour, against a: farther, the nozzle
-/// lies on other ground altogether. With one, [`NEAR_SHARE`].
+/// would cover a different area. With one, [`NEAR_SHARE`].
 const FAR_SHARE: f64 = 2.0;
 /// Least spans of a curve that is kept after a cut.
 const SPANS_MIN: usize = 2;
@@ -69,9 +69,9 @@ pub fn whole_inside(control: &[PlaneControl], inside: &InsideWalls) -> Option<Ve
 
 /// What pushing left of a curve.
 struct NotInside {
-    /// Spans that stay outside or are taken off their way.
+    /// Spans that stay outside or are moved off their path.
     bad: Vec<bool>,
-    /// The curve inside the walls, yet somewhat off its way.
+    /// The curve inside the walls, but somewhat off its path.
     makeshift: Option<Vec<PlaneControl>>,
 }
 
@@ -84,7 +84,7 @@ impl NotInside {
         }
     }
 
-    /// Off its way rather than cut.
+    /// Off its path rather than cut.
     fn makeshift(self) -> Result<Vec<PlaneControl>, Vec<bool>> {
         self.makeshift.ok_or(self.bad)
     }
@@ -122,7 +122,7 @@ fn pushed_inside(
     if is_inside && !strayed.contains(&true) && starts_inside() {
         return Ok(pushed);
     }
-    // In a tight swing pushes that do not know of each other can go astray.
+    // In a tight swing independent pushes can diverge.
     let mut projected = raw.to_vec();
     let left = inside.project(&mut projected, far_mm);
     let is_astray = |far_mm| strayed_spans(raw, &projected, far_mm).contains(&true);
@@ -143,7 +143,7 @@ fn pushed_inside(
     Err(NotInside { bad, makeshift })
 }
 
-/// The runs of control points between bad spans, short ones left out, the last first.
+/// The runs of control points between bad spans, without short ones, the last first.
 fn pieces_without(control: &[PlaneControl], bad: &[bool]) -> Vec<Vec<PlaneControl>> {
     let mut pieces = Vec::new();
     let mut first = 0;

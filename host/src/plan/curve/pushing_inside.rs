@@ -16,9 +16,9 @@ use crate::geometry::plane_curve::{
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Longest way of any point of the aperture between two poses that are looked at, of its unit. A vertex of a wall
-/// that passes a tip of radius b²/a is at most step² a / 8 b² deeper between two of them: 0.75 µm for
-/// 0.6 x 0.2 mm, a quarter of that in the close look.
+/// Largest displacement of any point of the aperture between two checked poses, of its unit. A vertex of a wall
+/// that passes a tip of radius b²/a is at most step² a / 8 b² deeper between two of them: 0.75 µm for 0.6 x 0.2
+/// mm, a quarter of that in the close look.
 const STEP: f64 = 0.02;
 /// Least and most poses of a span.
 const POSES_MIN: usize = 6;
@@ -45,10 +45,10 @@ struct Cut {
     found: WallContact,
 }
 
-/// How closely a curve is looked at.
+/// Density of the checks of a curve.
 #[derive(Clone, Copy)]
 struct Look {
-    /// Longest way of any point of the aperture from pose to pose.
+    /// Largest displacement of any point of the aperture from pose to pose.
     step_mm: f64,
     /// Least poses of a span.
     poses_min: usize,
@@ -278,7 +278,7 @@ impl<'a> InsideWalls<'a> {
         let last = control.len() - 1;
         let mut weights = [(0usize, 0.0); 4];
         for (k, w) in span_weights(t).into_iter().enumerate() {
-            // Points beyond an end stand for twice the end less its neighbour.
+            // Points beyond an end represent twice the end minus its neighbour.
             let place = (span + k) as isize - 1;
             let mut add = |at: usize, w: f64| {
                 let low = span.saturating_sub(1);

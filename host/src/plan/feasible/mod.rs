@@ -43,7 +43,7 @@ const RISE_MIN_MM: f64 = 1e-9;
 const PIECES: usize = 16;
 /// Bound on the second derivative of 1 - 1/F near contact, in (a/b)²: four terms of at most that.
 const BEND: f64 = 4.0;
-/// Least slope that a stretch is tried with; below, halving goes on first.
+/// Least slope that a stretch is tried with; below, halving continues first.
 const BEND_MAX: f64 = 2.0;
 /// Steps of the search for a place of contact: 60 halvings would do, few are needed.
 const ROOT_STEPS_MAX: usize = 60;
@@ -59,7 +59,7 @@ pub struct FeasibleAngles {
     intervals: Vec<[f64; 2]>,
     /// Turn that brings the aperture onto itself.
     period_rad: f64,
-    /// Angles at which a flat side lies on the wall, with where it may lie.
+    /// Angles at which a flat side is on the wall, with its free positions.
     flats: Vec<Flat>,
 }
 
@@ -98,15 +98,15 @@ pub fn is_touchable(aperture: &Aperture, index: &EdgeIndex, p: Point2, normal: V
         search.run(aperture.is_round());
         !search.runs.is_empty()
     };
-    // Among the teeth of a fine comb those next to p shut every heading out: of the thousands behind
-    // them none need be looked at.
+    // Among the teeth of a fine comb those next to p shut every heading out: none of the thousands
+    // behind them need be checked.
     (!is_crowded(index, p, *minor_mm) || is_free_of(*minor_mm)) && is_free_of(2.0 * major_mm)
 }
 
-/// Edges about a place above which some of them are looked at first.
+/// Number of edges near a point above which some of them are checked first.
 const CROWD: usize = 200;
 
-/// True where many edges lie within `reach_mm`.
+/// True if many edges are within `reach_mm`.
 fn is_crowded(index: &EdgeIndex, p: Point2, reach_mm: f64) -> bool {
     let mut edges = 0;
     let area = Box2 { min: p, max: p }.grown(reach_mm);
@@ -190,8 +190,8 @@ impl DiskFrame {
 }
 
 impl IntervalSearch {
-    /// Keeps the edges that can matter: at whatever angle, the aperture lies in the disk of its
-    /// greatest radius of curvature that touches at p (Blaschke).
+    /// Keeps the edges that can matter: at any angle the aperture is in the disk of its greatest
+    /// radius of curvature that touches at p (Blaschke).
     fn new(axes: [f64; 2], mut edges: Vec<LocalEdge>, first_only: bool) -> IntervalSearch {
         let [a, b] = axes;
         let rolling_mm = a * a / b * (1.0 + SLACK);

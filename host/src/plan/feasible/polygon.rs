@@ -23,7 +23,7 @@ const SLACK_MM: f64 = 1e-9;
 /// Angles closer than this are one, rad.
 const SAME_RAD: f64 = 1e-12;
 
-/// Edges looked at first, by their distance against the reach of the core.
+/// Edges checked first, by their distance relative to the reach of the core.
 const NEAR_SHARE: f64 = 0.1;
 /// Edges between two looks whether anything is left free.
 const EDGES_BETWEEN: usize = 16;
@@ -107,7 +107,8 @@ fn blocked_angles(
         .filter(|edge| nearest_mm(edge) <= reach)
         .partition(|edge| nearest_mm(edge) <= NEAR_SHARE * reach);
     for (number, [a, b]) in near.into_iter().chain(far).enumerate() {
-        // In a notch of a noisy wall its own edges leave nothing free: no need to ask the others.
+        // In a notch of a noisy wall its own edges leave nothing free: the others need not be
+        // checked.
         if number % EDGES_BETWEEN == EDGES_BETWEEN - 1
             && left_free(range, blocked.clone(), SAME_RAD).is_empty()
         {
@@ -233,8 +234,8 @@ fn flat(
 }
 
 /// Moves of the core along y at which it is within `radius` of the edge a-b: the y axis cut with
-/// the Minkowski sum of edge, mirrored core and disk. Every piece of that sum's outline is among
-/// the disks and parallel lines looked at here, and all of them lie in it.
+/// the Minkowski sum of edge, mirrored core and disk. Every part of that sum's outline is among the
+/// disks and parallel lines evaluated here, and all of them are in it.
 fn sliding_range(core: &[Vector2], radius: f64, a: Vector2, b: Vector2) -> Option<[f64; 2]> {
     let mut range = [f64::INFINITY, f64::NEG_INFINITY];
     let mut take = |y: f64| range = [range[0].min(y), range[1].max(y)];

@@ -142,7 +142,7 @@ fn turn_rad(from: Vector2, to: Vector2) -> f64 {
     from.perp(&to).atan2(from.dot(&to))
 }
 
-/// The normals between the two edges of a reflex vertex, ends left out.
+/// The normals between the two edges of a reflex vertex, without ends.
 fn push_fan(
     contacts: &mut Vec<Contact>,
     breaks: &mut Vec<bool>,
@@ -166,7 +166,7 @@ fn push_fan(
 }
 
 /// Replaces each normal by the length-weighted mean within the window, never across a break
-/// (`breaks[i]`: a corner lies between i and i + 1).
+/// (`breaks[i]`: a corner is between i and i + 1).
 fn smooth_normals(contacts: &mut [Contact], breaks: &[bool], window_mm: f64) {
     let count = contacts.len();
     if count < 3 {

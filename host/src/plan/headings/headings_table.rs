@@ -24,7 +24,7 @@ reachable,center_x_mm,center_y_mm,phi_rad";
 /// Candidates whose distances from the law differ by less are equally near, rad.
 const TIE_RAD: f64 = 1e-6;
 
-/// Most pieces of one edge, whatever the spacing asked for.
+/// Maximum number of parts of one edge, whatever the requested spacing.
 const PIECES_MAX: f64 = 1e6;
 
 /// Parameters of the table.
@@ -139,7 +139,7 @@ fn sample_at(index: &EdgeIndex, request: &HeadingsRequest, p: Point2, normal: Ve
     let angles = feasible_angles(aperture, index, p, normal);
     let mut candidates: Vec<Candidate> = Vec::new();
     let mut least = f64::INFINITY;
-    // A shape without 180° symmetry lays the same bead the other way round.
+    // A shape without 180° symmetry prints the same bead when reversed.
     let turned: &[f64] = if aperture.period_rad() > PI {
         &[0.0, PI]
     } else {

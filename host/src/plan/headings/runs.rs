@@ -29,8 +29,8 @@ pub fn printable_runs(contacts: &[Contact], aperture: &Aperture) -> Vec<(Vec<Con
         .collect()
 }
 
-/// Keeps thin stretches no longer than `length_mm` between printable ones: the bead goes on past a
-/// corner, where the channel has no width for a moment.
+/// Keeps thin stretches no longer than `length_mm` between printable ones: the bead continues past
+/// a corner, where the channel is briefly too narrow.
 fn bridge_short(printable: &mut [bool], contacts: &[Contact], length_mm: f64) {
     let count = printable.len();
     let Some(first) = printable.iter().position(|&p| p) else {
@@ -51,10 +51,10 @@ fn bridge_short(printable: &mut [bool], contacts: &[Contact], length_mm: f64) {
     }
 }
 
-/// Least half-width of a channel against b for a bead to be laid in it.
+/// Least half-width of a channel for a bead in it, relative to b.
 const WIDTH_SHARE_MIN: f64 = 0.7;
 
-/// Longest thin stretch that a bead goes on through, against a.
+/// Longest thin stretch through which a bead continues, relative to a.
 const BRIDGE_SHARE: f64 = 2.5;
 
 /// Splits a profile where no heading fits, and smooths what remains.

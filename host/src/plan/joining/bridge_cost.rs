@@ -15,7 +15,7 @@ use std::rc::Rc;
 
 /// Raster cell against the minor semi-axis: many places are tried.
 const CELL_SHARE: f64 = 0.2;
-/// Path looked at on either side of an opening, against a.
+/// Path evaluated on either side of an opening, relative to a.
 const WINDOW_SHARE: f64 = 2.0;
 
 /// Two loops, each opened over a stretch, and joined by two connections.
@@ -85,7 +85,7 @@ pub struct PairCosts<'a> {
 impl PairCosts<'_> {
     /// Area that the bridge leaves uncovered or covers again, minus the area that it closes, mm².
     pub fn cost_mm2(&mut self, bridge: &Bridge) -> f64 {
-        // What is printed as before belongs to a loop and to a way both.
+        // Unchanged print belongs to both a loop and a connection.
         let mut swept: Vec<(u8, Rc<[RowRun]>)> = Vec::new();
         for side in [0, 1] {
             let ends = bridge.ends[side];
@@ -135,7 +135,7 @@ impl PairCosts<'_> {
                 0 => ((at + count - 1) % count, (at + count - 1) % count),
                 _ => (at, (at + 1) % count),
             };
-            // The step that closes a loop is none of a run.
+            // The step that closes a loop does not belong to an open bead.
             if !pass.closed && step + 1 == count {
                 break;
             }
@@ -162,7 +162,8 @@ impl PairCosts<'_> {
         found
     }
 
-    /// The cells under a way: of each row all from the first column to the last one, step by step.
+    /// The cells under a connection: of each row all from the first column to the last one, step by
+    /// step.
     fn rows_under(&self, way: &[Configuration]) -> Rc<[RowRun]> {
         let (grid, aperture) = (self.raster.grid(), self.raster.aperture());
         let mut found: Vec<RowRun> = Vec::new();
@@ -190,7 +191,8 @@ impl PairCosts<'_> {
     }
 
     /// How many cells more are wasted after than before, by swept steps each with the marks of what
-    /// it belongs to: before to either loop (1, 2), after to either way that joins them (4, 8).
+    /// it belongs to: before to either loop (1, 2), after to either connection that joins them (4,
+    /// 8).
     fn wasted_cells(&mut self, swept: &[(u8, Rc<[RowRun]>)]) -> i64 {
         let runs = || swept.iter().flat_map(|(_, runs)| runs.iter());
         let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);

@@ -36,8 +36,8 @@ impl Tour {
         Tour { stops }
     }
 
-    /// The tour as a way that begins and ends where pass `number` is opened, and which of the two
-    /// `ends` it begins with; `None` where that stretch has been used before.
+    /// The tour as a path that begins and ends where pass `number` is opened, and the one of the
+    /// two `ends` with which it begins; `None` where that stretch has been used before.
     fn opened(
         &self,
         number: usize,
@@ -88,7 +88,8 @@ impl Tour {
         };
         let (mut stops, begin) = opened(self, 0)?;
         let (mut theirs, their_begin) = opened(other, 1)?;
-        // The way out leads from the end of ours, the way back to its beginning.
+        // The connection out starts at the end of this tour, the connection back leads to its
+        // beginning.
         let end = 1 - begin;
         let entry = end ^ usize::from(bridge.crossed);
         if their_begin != entry {

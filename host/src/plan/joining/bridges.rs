@@ -20,9 +20,9 @@ use crate::plan::pass::LayerPass;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Longest bridge, against a: neighbouring beads lie up to 2a apart.
+/// Longest bridge, against a: neighbouring beads are up to 2a apart.
 const LENGTH_SHARE: f64 = 2.6;
-/// Places looked at along two neighbouring loops.
+/// Places tried along two neighbouring loops.
 const PLACES: usize = 6;
 /// What is taken out of either loop to begin with, against the extents of the aperture along the
 /// travel: beads side by side, or the tip of a loop that meets the flank of another bead.
@@ -39,7 +39,7 @@ const FITTED: usize = 3;
 const FIT_TRIES: usize = 60;
 /// What it is worth to use up the ends of a run, against the aperture's area.
 const GAP_SAVES_SHARE: f64 = 0.5;
-/// How far the ends of a run may lie apart that is reached as if it were a loop, against a.
+/// Largest distance of the ends of an open bead that is treated like a loop, relative to a.
 const GAP_SHARE: f64 = 2.5;
 
 /// Joins loops and open beads to adjacent loops where that is cheap; others are unchanged.
@@ -163,8 +163,8 @@ fn fitted(
     best
 }
 
-/// How the ends of the openings of both loops are moved: one of them, or the two that a way joins,
-/// by one placement to the same side.
+/// How the ends of the openings of both loops are moved: one of them, or the two that a connection
+/// joins, by one placement to the same side.
 fn moves(crossed: bool) -> impl Iterator<Item = [[isize; 2]; 2]> {
     let ends = [0, 1].into_iter();
     let stepped = ends.flat_map(|end| [-1, 1].map(|step| (end, step)));
@@ -266,7 +266,7 @@ fn candidates(
     found.chain(own_gaps).collect()
 }
 
-/// Those of two loops that waste little enough; where there is none, the cheapest once fitted.
+/// Those of two loops that waste little enough; if there is none, the cheapest once fitted.
 fn within_limit(
     mut found: Vec<Candidate>,
     passes: &[LayerPass],
@@ -294,7 +294,7 @@ fn within_limit(
     found
 }
 
-/// The bridge to a run whose ends lie close to each other: it is open already.
+/// The bridge to an open bead whose ends are close to each other: it is open already.
 fn bridge_at_gap(
     passes: &[LayerPass],
     loops: [usize; 2],
@@ -376,7 +376,7 @@ fn with_ways(
     })
 }
 
-/// The placements before and behind `at` between which the pass is opened.
+/// The placements before and after `at` between which the pass is opened.
 fn opened_at(pass: &LayerPass, at: usize, opening: f64, aperture: &Aperture) -> Option<[usize; 2]> {
     let count = pass.placements.len();
     if count < COUNT_MIN {

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
-/// Longest way between two ends that are joined, against a.
+/// Longest connection between two joined ends, relative to a.
 const END_REACH_SHARE: f64 = 3.6;
 /// Ground that the join which closes the last open run may cover again, against the aperture's
 /// area.
@@ -31,7 +31,7 @@ const LOOP_COUNT_MIN: usize = 16;
 /// Where a loop may be entered, in placements from the one nearest to the end of a run.
 const BESIDE: [isize; 5] = [0, 5, -5, 10, -10];
 
-/// A way from the one end to the other, both left out.
+/// A connection from one end to the other, without both.
 struct Join {
     ends: [End; 2],
     cost_mm2: f64,
@@ -49,9 +49,9 @@ pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
     joined_up(&passes, joins, aperture)
 }
 
-/// As many of the joins as there are ends for. A tour of all loops is open at one place anyway:
-/// where no end would be over, the costliest join is left out, if it costs more than `idle_mm2`;
-/// else a loop may begin anywhere.
+/// As many of the joins as there are ends for. A tour of all loops is open at one place anyway: if
+/// no end would remain, the most expensive join is omitted, if it costs more than `idle_mm2`; else
+/// a loop may begin anywhere.
 fn chosen(pairs: &[Pair], ends_count: usize, idle_mm2: f64) -> Vec<usize> {
     let mut chosen = matched(pairs);
     if 2 * chosen.len() == ends_count {
@@ -100,7 +100,7 @@ struct Meeting {
     join: Join,
 }
 
-/// Lets runs whose ends meet a loop go on around it.
+/// Continues open beads whose ends meet a loop around it.
 pub fn around_loops(
     mut passes: Vec<LayerPass>,
     aperture: &Aperture,
@@ -167,7 +167,7 @@ fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
     near
 }
 
-/// The connections from the end of a run onto a loop, either way round.
+/// The connections from the end of an open bead onto a loop, in both directions.
 fn meetings_at(
     passes: &[LayerPass],
     end: End,
@@ -231,7 +231,7 @@ fn near_ends(passes: &[LayerPass], reach_mm: f64) -> Vec<[End; 2]> {
     near
 }
 
-/// The way between two ends, if there is a free and cheap one.
+/// The connection between two ends, if there is a free and cheap one.
 fn join(
     passes: &[LayerPass],
     ends: [End; 2],

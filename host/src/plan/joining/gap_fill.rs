@@ -29,7 +29,7 @@ const TRIES: usize = 2;
 const NET_SHARE_MIN: f64 = 0.01;
 /// Placements of the passes tried as the start of a gap-fill move.
 const STARTS: usize = 24;
-/// Free ways that are compared.
+/// Free paths that are compared.
 const WAYS: usize = 4;
 /// Longest gap-fill move, against the major semi-axis.
 const REACH: f64 = 3.0;
@@ -94,12 +94,12 @@ pub fn fill_gaps(
 struct GapFillMove {
     pass: usize,
     after: usize,
-    /// Out and back, the start left out at the beginning and repeated at the end.
+    /// Out and back, without the start at the beginning and repeating it at the end.
     fill: Vec<Configuration>,
     footprint: Footprint,
 }
 
-/// The gap-fill move with the largest net gain, if any is worth its way.
+/// The gap-fill move with the largest net gain, if any is worth its path.
 fn best_of(
     moves: Vec<GapFillMove>,
     raster: &GapRaster,
@@ -186,7 +186,7 @@ impl Starts {
     }
 }
 
-/// Inserts the gap-fill moves behind their placements, last first so that the numbers stay right.
+/// Inserts the gap-fill moves after their placements, last first so that the numbers stay right.
 fn insert(passes: &mut [LayerPass], mut moves: Vec<GapFillMove>) {
     moves.sort_by_key(|d| std::cmp::Reverse((d.pass, d.after)));
     for GapFillMove {

@@ -16,10 +16,10 @@ use crate::plan::headings::runs::unwrap_headings;
 use crate::plan::joining::links::TURN_MAX_RAD;
 use crate::plan::pass::{Contact, LayerPass, Placement};
 
-/// Longest way along a wall, against a: an interruption takes as long as some 25 mm of path, and the
-/// nozzle turns at either end.
+/// Longest path along a wall, relative to a: an interruption takes as long as some 25 mm of path,
+/// and the nozzle turns at either end.
 const LENGTH_SHARE: f64 = 25.0;
-/// How far the middle of a line's end may lie from the wall, against a.
+/// Largest distance of the middle of a line's end from the wall, relative to a.
 const NEAR_SHARE: f64 = 3.0;
 /// Distance of placements along the wall, against b.
 const STEP_SHARE: f64 = 0.5;
@@ -83,7 +83,7 @@ impl<'a> WallRing<'a> {
         self.lengths_mm[self.lengths_mm.len() - 1]
     }
 
-    /// How far from the ring a place is, and where along it the nearest point lies.
+    /// Distance of a point from the ring, and the position of the nearest point along it.
     fn nearest(&self, p: Point2) -> (f64, f64) {
         let mut best = (f64::INFINITY, 0.0);
         for (edge, (a, b)) in self.ring.edges().enumerate() {
@@ -111,7 +111,7 @@ impl<'a> WallRing<'a> {
     }
 }
 
-/// What ways along the walls need.
+/// Data for paths along the walls.
 struct AlongWalls<'a> {
     rings: Vec<WallRing<'a>>,
     ground: EdgeIndex,
@@ -121,7 +121,7 @@ struct AlongWalls<'a> {
 }
 
 impl AlongWalls<'_> {
-    /// The placements between the end of a line and the start of the next one, if both lie at the
+    /// The placements between the end of a line and the start of the next one, if both are at the
     /// same wall.
     fn way(&self, before: &LayerPass, next: &LayerPass) -> Option<Vec<Placement>> {
         let (end, start) = (before.placements.last()?, next.placements.first()?);
@@ -160,8 +160,8 @@ impl AlongWalls<'_> {
         Some(way)
     }
 
-    /// The ring that two placements lie at, and where along it, the second less than half a round
-    /// from the first.
+    /// The ring next to two placements, and their positions along it, the second less than half a
+    /// round from the first.
     fn common_ring(
         &self,
         from: Configuration,

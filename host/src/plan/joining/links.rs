@@ -20,11 +20,11 @@ use std::collections::BTreeMap;
 /// Longest link, relative to a: neighbouring beads are up to 2a apart, and where one crosses, ends
 /// are cut back on either side of it.
 pub const LENGTH_SHARE: f64 = 3.6;
-/// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
+/// The same between two lines of an infill, whose ends are far apart along a wall at a low angle.
 const LINE_LENGTH_SHARE: f64 = 10.0;
-/// Most ground of other beads that a link covers again, against the aperture's area.
+/// Largest area of other beads that a link may cover again, relative to the aperture's area.
 const AGAIN_SHARE_MAX: f64 = 2.0;
-/// Path at either end whose ground a link may cover, against a.
+/// Path at either end whose area a link may cover, relative to a.
 const OWN_SHARE: f64 = 2.0;
 /// Largest turn of the heading on a link or a bridge, rad.
 pub const TURN_MAX_RAD: f64 = 2.0;
@@ -40,7 +40,7 @@ pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) ->
             result.push(next);
             continue;
         };
-        // Headings go on unwrapped: the next pass is turned by whole periods.
+        // Headings are unwrapped: the next pass is turned by whole periods.
         let (Some(end), Some(start)) = (link.last(), next.placements.first()) else {
             continue;
         };

@@ -86,7 +86,7 @@ struct EntryPoint {
     exit: Point2,
 }
 
-/// All of a pass, found once: it is asked for them over and over.
+/// All of a pass, found once: they are queried repeatedly.
 struct EntryPoints {
     entry_points: Vec<EntryPoint>,
     /// What holds their places.
@@ -191,7 +191,7 @@ struct Progress {
 /// Lengths that depend on the aperture.
 #[derive(Clone, Copy)]
 struct Lengths {
-    /// Longest way that may be a link, mm.
+    /// Longest link, mm.
     link_mm: f64,
     /// What an interruption counts as, mm.
     interruption_mm: f64,

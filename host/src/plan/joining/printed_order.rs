@@ -61,7 +61,7 @@ pub fn in_printing_order(
     finish.behind(passes)
 }
 
-/// The loops in the order and joined in the way that makes the fewest passes.
+/// The loops in the order and with the joins that make the fewest passes.
 fn joined(
     loops: Vec<LayerPass>,
     from: Point2,
@@ -90,7 +90,7 @@ fn joined(
         },
     );
     if let Some((chains, tree)) = others {
-        // The first of equals: bridges are a longer way.
+        // The first of equals: bridges are a longer path.
         for other in [chains, tree] {
             if other.len() < passes.len() {
                 passes = other;
@@ -114,7 +114,7 @@ struct Finish<'a> {
 }
 
 impl Finish<'_> {
-    /// The passes with the lines behind them.
+    /// The passes followed by the lines.
     fn behind(self, mut passes: Vec<LayerPass>) -> Vec<LayerPass> {
         let mut from = last_place(&passes).unwrap_or(self.from);
         let lines = ordered(self.lines, from, self.aperture);

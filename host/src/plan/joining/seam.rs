@@ -16,7 +16,7 @@ use crate::settings::{Seam, SeamPlace};
 /// Least turn of the wall that counts as a corner, rad.
 const CORNER_RAD: f64 = 0.35;
 /// Length of wall to each side of a placement over which its turn is taken, against b: a corner's
-/// smoothed normals and its fan lie within.
+/// smoothed normals and its fan are within it.
 const WINDOW_SHARE: f64 = 1.5;
 
 /// The pass opened at its seam; unchanged if the order chooses the seam, or if the pass is open.
@@ -35,11 +35,11 @@ pub fn with_seam(pass: LayerPass, seam: &Seam, aperture: &Aperture) -> LayerPass
     }
 }
 
-/// The placement whose contact lies farthest along a direction.
+/// The placement whose contact is farthest along a direction.
 fn farthest(pass: &LayerPass, direction_rad: f64) -> Option<usize> {
     let direction = Vector2::new(direction_rad.cos(), direction_rad.sin());
     let along_mm = |i: &usize| pass.placements[*i].contact.point.coords.dot(&direction);
-    // The first of several that lie equally far.
+    // The first of several at an equal distance.
     (0..pass.placements.len()).min_by(|i, j| along_mm(j).total_cmp(&along_mm(i)))
 }
 

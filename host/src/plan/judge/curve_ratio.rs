@@ -12,12 +12,12 @@ use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Upper bound of reported ratios: the inside is at rest or moves back.
 pub const RATIO_MAX: f64 = 100.0;
-/// Directions are compared over steps of at least this share of the bead's width: so a corner in which the head stands
-/// counts, and what quantisation does to the path does not.
+/// Directions are compared over steps of at least this share of the bead's width: so a corner in which the head stops
+/// counts, and effects of quantisation do not.
 const STEP_SHARE: f64 = 0.1;
-/// Places of a span that are looked at.
+/// Points of a span that are evaluated.
 const PLACES: u32 = 4;
-/// Speed below which a direction is none, mm/s, for a bead 1 mm wide.
+/// Speed below which the direction is undefined, mm/s, for a bead 1 mm wide.
 const SPEED_MIN_SHARE_S: f64 = 0.01;
 
 /// The worst of a stream.

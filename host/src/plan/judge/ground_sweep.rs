@@ -34,7 +34,7 @@ const CELLS_MAX: f64 = 3e6;
 /// Longest step between poses, of the unit, and longest turn.
 const STEP: f64 = 0.02;
 const STEP_RAD: f64 = 0.02;
-/// A point so far off a pose's plane, of a layer's height, lies on another sheet of the ground.
+/// A point this far off a pose's plane, of a layer's height, is on another sheet of the surface.
 const SHEET: f64 = 2.0;
 /// Points of the outline at which its depth outside is measured, and poses that are looked at so closely.
 const OUTLINE: usize = 96;
@@ -86,7 +86,7 @@ struct GroundPose {
     /// Tool X and Y, over the semi-widths: a point is in an ellipse where both products' squares sum to 1.
     axes: [Vector3<f64>; 2],
     normal: Vector3<f64>,
-    /// Where it lies in the chart, and its heading there.
+    /// Its position in the chart, and its heading there.
     at: SweptPose,
 }
 
@@ -181,11 +181,11 @@ fn turned(pose: &Pose) -> Rotation3<f64> {
     Rotation3::new(tilt) * Rotation3::from_axis_angle(&Vector3::z_axis(), pose[CHANNEL_HEADING])
 }
 
-/// One layer on its way.
+/// One layer in progress.
 struct LayerJob<'a> {
     ground: &'a CurvedGround<'a>,
     walls: &'a EdgeIndex,
-    /// The layer's top above the ground.
+    /// The layer's top above the surface.
     above_mm: f64,
     settings: &'a Settings,
 }
@@ -252,7 +252,7 @@ impl LayerJob<'_> {
         }
     }
 
-    /// The poses in the ground's coordinates, with their places in the chart.
+    /// The poses in the surface's coordinates, with their positions in the chart.
     fn on_ground(&self, poses: &[PrintPose]) -> Vec<GroundPose> {
         let offset = Vector3::from(self.ground.transform.offset_mm);
         let mut near: Option<(u32, Point2)> = None;
@@ -288,8 +288,8 @@ impl LayerJob<'_> {
         placed.collect()
     }
 
-    /// The place of a tip that nothing is known of: where ground is cut open there are two near it, of which that inside
-    /// the regions counts.
+    /// The place of a tip that nothing is known of: where the surface is cut open there are two near it, of which the
+    /// one inside the regions counts.
     fn place_anew(&self, tip_mm: Vector3<f64>, begins: &[(Point2, Vector3<f64>)]) -> Point2 {
         let mut begins: Vec<(f64, Point2)> = begins
             .iter()
@@ -387,7 +387,7 @@ impl LayerJob<'_> {
         visits
     }
 
-    /// How far the aperture leaves the regions at most, on the ground, and where.
+    /// Largest depth of the aperture outside the regions, on the surface, and its place.
     fn deepest(&self, poses: &[GroundPose]) -> (f64, [f64; 2]) {
         let aperture = self.settings.aperture.scaled(NEARLY);
         let mut bounds: Vec<(f64, usize)> = poses
@@ -412,7 +412,7 @@ impl LayerJob<'_> {
         })
     }
 
-    /// How far a point of the outline lies outside at most, mm; and its place on the outline.
+    /// Largest distance of a point of the outline outside, mm; and its place on the outline.
     fn depth(&self, pose: &GroundPose) -> (f64, f64) {
         let aperture: &Aperture = &self.settings.aperture;
         let chart = self.ground.chart;

@@ -60,7 +60,7 @@ const STEP: f64 = 0.02;
 const STEP_SHARP: f64 = 0.004;
 /// Longest turn between poses of the sweep, rad.
 const STEP_RAD: f64 = 0.02;
-/// Uncovered cells that are asked whether they could be reached; more are sampled evenly.
+/// Uncovered cells that are checked for whether they could be reached; more are sampled evenly.
 const ASKED_MAX: usize = 4_000;
 
 /// Turn of a raster against the region's own frame, rad: aslant to walls along the axes or at 45°,
@@ -402,7 +402,7 @@ fn reachable_share_of_gaps(
     }
     let stride = gaps.div_ceil(ASKED_MAX);
     let asked: Vec<_> = raster.gaps().step_by(stride).collect();
-    // Of noise finer than the nozzle most cells lie where nothing gets: no search for those.
+    // With noise finer than the nozzle most cells are unreachable: no search for those.
     let hull = trimmed_outline(outline, &settings.aperture);
     let hull = EdgeIndex::of_region(&hull, settings.aperture.major_mm());
     let mut near = asked.clone();

@@ -111,12 +111,12 @@ impl Touches {
     }
 }
 
-/// Everything that a station is held against.
+/// Everything that a station is checked against.
 struct Judge<'a> {
     profile: &'a HeadProfile,
     flat_end: HeadProfile,
     tip_slack_mm: f64,
-    /// What table, surface and obstacles give way to.
+    /// The head and its clearances for table, surface and obstacles.
     slack_mm: f64,
     nozzle_length_mm: f64,
     table_mm: f64,
@@ -202,7 +202,7 @@ struct Found {
 }
 
 impl Judge<'_> {
-    /// What touches at a station, or on the way to the next one.
+    /// Collisions at a station, or before the next one.
     fn at(&self, index: usize) -> Found {
         let station = &self.stations.stations[index];
         let mut found = Found {

@@ -27,7 +27,7 @@ const EDGES_TRIED: usize = 24;
 const SAME_RAD: f64 = PI / 1800.0;
 /// Most lines by which a direction is judged.
 const LINES_MAX: f64 = 1000.0;
-/// Share of the best direction's ground that an equal one may lack.
+/// Share of the best direction's area that an equal one may lack.
 const EQUAL_SHARE: f64 = 0.02;
 
 /// A bridged area of a layer.
@@ -69,7 +69,7 @@ pub fn is_wide(region: &Region, width_mm: f64) -> bool {
     2.0 * region.area_mm2() >= width_mm * perimeter_mm
 }
 
-/// An edge of the open ground.
+/// An edge of the open area.
 #[derive(Clone, Copy)]
 struct Side {
     a: Point2,
@@ -112,7 +112,7 @@ fn bridge_of(piece: &Region, below: &[EdgeIndex], reach_mm: f64) -> Option<Bridg
     })
 }
 
-/// Rings have the ground on their left.
+/// Rings have the area on their left.
 fn is_anchor(a: Point2, b: Point2, below: &[EdgeIndex]) -> bool {
     let Some(along) = (b - a).try_normalize(1e-12) else {
         return false;
@@ -151,7 +151,7 @@ fn angles(sides: &[Side]) -> Vec<f64> {
     exact.chain(fan).collect()
 }
 
-/// The direction with the most ground between anchors; of equals that whose longest span is the shortest, of
+/// The direction with the most area between anchors; of equals that whose longest span is the shortest, of
 /// those the first.
 fn best_of(sides: &[Side], angles: Vec<f64>, reach_mm: f64) -> Option<Spans> {
     let all: Vec<Spans> = angles
@@ -166,7 +166,7 @@ fn best_of(sides: &[Side], angles: Vec<f64>, reach_mm: f64) -> Option<Spans> {
     equals.min_by_key(|spans| (spans.longest_mm * 1e3).round() as u64)
 }
 
-/// The lines in a direction across the ground, and what of them lies between two anchors.
+/// The lines in a direction across the area, and their parts between two anchors.
 fn spans(sides: &[Side], angle_rad: f64, reach_mm: f64) -> Spans {
     let (sin, cos) = angle_rad.sin_cos();
     let (along, across) = (Vector2::new(cos, sin), Vector2::new(-sin, cos));
@@ -203,7 +203,7 @@ fn spans(sides: &[Side], angle_rad: f64, reach_mm: f64) -> Spans {
             }
             held_mm += to - from;
             longest_mm = longest_mm.max(to - from);
-            // A little more on all sides: the ground cuts it off again.
+            // A little more on all sides: the area cuts it off again.
             let half_mm = 0.5 * step_mm + LOOK_MM;
             let corner = |t: f64, h: f64| Point2::from(along * t + across * h);
             let (from, to) = (from - reach_mm, to + reach_mm);

@@ -327,13 +327,13 @@ pub fn plane_passes(
     Ok((passes, print_of_pass))
 }
 
-/// Where between two of its periods a heading counts to the next one: no round angle lies there.
+/// Where between two of its periods a heading counts to the next one: no round angle is there.
 const PERIOD_SHARE: f64 = 0.37;
-/// Ends of a pass that differ by less along an axis lie equally far along it, mm.
+/// Ends of a pass that differ by less along an axis count as equally far along it, mm.
 const SAME_MM: f64 = 1e-6;
 
-/// The curves of a region's pass, found the same way in whatever direction it runs: the path is pushed
-/// off the walls in many small steps, in which rounding would grow into another curve.
+/// The curves of a region's pass, found in the same manner in both directions: the path is pushed off
+/// the walls in many small steps, in which rounding would grow into another curve.
 fn region_curves(pass: &LayerPass, inside: &InsideWalls) -> Vec<Vec<PlaneControl>> {
     let mut pass = pass.clone();
     let is_back = runs_back(&pass);
@@ -367,8 +367,8 @@ fn region_curves(pass: &LayerPass, inside: &InsideWalls) -> Vec<Vec<PlaneControl
     curves
 }
 
-/// True where the first placement lies farther along the axes than the last one; of a loop, the first
-/// that does not lie where its counterpart does.
+/// True if the first placement is farther along the axes than the last one; for a loop, the first
+/// that differs from its counterpart.
 fn runs_back(pass: &LayerPass) -> bool {
     let forwards = pass.placements.iter().map(|p| p.at.center);
     let pairs = forwards.clone().zip(forwards.rev());

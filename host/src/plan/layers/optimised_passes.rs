@@ -35,7 +35,7 @@ const MOVED_SHARE: f64 = 0.25;
 /// The curve of a pass, if there is one.
 pub type PassCurve = Option<Arc<[PlaneControl]>>;
 
-/// True for the passes that the optimiser knows: their beads are to cover ground.
+/// True for the passes that the optimiser knows: their beads are to cover area.
 fn is_known(pass: &LayerPass) -> bool {
     let covers_ground = pass.kind.follows_walls() || pass.kind == PassKind::Infill;
     covers_ground && !pass.placements.is_empty()
@@ -83,7 +83,7 @@ pub fn optimised(
     curves
 }
 
-/// A pass on its way through the optimiser.
+/// A pass in the optimiser.
 #[derive(Clone)]
 struct Begun {
     unknown: OptimisedPass,
@@ -103,7 +103,7 @@ fn take(passes: &mut [LayerPass], begun: &mut [Begun]) {
 /// What is optimised within, and how.
 struct RegionJob<'a> {
     site: Site<'a>,
-    /// What bounds gap-fill moves: the walls, and ground that is left out.
+    /// What bounds gap-fill moves: the walls, and omitted area.
     filled_to: &'a EdgeIndex,
     settings: &'a Settings,
     /// Area that is to be covered, mm².
@@ -235,7 +235,8 @@ impl RegionJob<'_> {
     }
 }
 
-/// The price of ground. Beads that are asked to overlap may: what they lay twice is no loss.
+/// The price of area. Beads with a requested overlap may overlap: area covered twice costs nothing
+/// then.
 fn objective(settings: &Settings) -> Objective {
     let overlaps = settings.overlap_pct > 0.0;
     Objective {

@@ -172,7 +172,7 @@ pub struct RegionWork {
     hull: Region,
     /// The edges of the hull.
     walls: Arc<EdgeIndex>,
-    /// How large the nozzle is by place in its frame, on curved ground.
+    /// Size of the nozzle by position in its frame, on a curved surface.
     scale: Option<ScaleField>,
     widest: Option<(Point2, f64)>,
     axis: Axis,
@@ -187,7 +187,7 @@ pub struct RegionWork {
     sparse_open: Vec<Region>,
     /// What of that sparse lines have.
     sparse_ground: Vec<Region>,
-    /// Part of the open ground is filled, part is not.
+    /// Part of the open area is filled, part is not.
     is_mixed: bool,
 }
 
@@ -296,7 +296,7 @@ impl RegionWork {
         work
     }
 
-    /// The open ground that a bridge has: a bead's width more on its anchors than what it spans.
+    /// The open area of a bridge: a bead's width more on its anchors than what it spans.
     fn bridged(&self, ground: &[Region], open: &[Region]) -> Vec<Region> {
         let aperture = &self.settings.aperture;
         let offset = self.contour.offset;
@@ -311,9 +311,9 @@ impl RegionWork {
         intersection(&grown(&inside, 2.0 * aperture.major_mm()), open)
     }
 
-    /// The ground inside the walls that is filled, and the rest. What is to be filled reaches into
+    /// The area inside the walls that is filled, and the rest. What is to be filled reaches into
     /// the rest by a bead's width, to hold on to the lines there; strips thinner than the narrowest
-    /// bead, which the walls leave of a slope, are no ground to fill.
+    /// bead, which the walls leave on a slope, are not filled.
     fn divided(&self, open: &[Region], infill: &Infill, solid: &[Region]) -> [Vec<Region>; 2] {
         if infill.is_solid() {
             return [open.to_vec(), Vec::new()];
@@ -331,7 +331,7 @@ impl RegionWork {
         inside.retain(|region| is_wide(region, aperture.minor_mm()));
         let solid = intersection(&grown(&inside, 2.0 * aperture.major_mm()), open);
         let mut sparse = difference(open, &solid);
-        // A strip that no bead fits in is no ground for lines.
+        // A strip in which no bead fits gets no lines.
         let (sparse_ground, strips): (Vec<Region>, Vec<Region>) = sparse
             .drain(..)
             .partition(|region| is_wide(region, 2.0 * aperture.major_mm()));
@@ -419,9 +419,9 @@ impl RegionWork {
     }
 
     /// The passes as they are printed, begun near a corner of the region's box. Of a small region,
-    /// where a seam counts for much, near the corner that makes the fewest passes, and of
-    /// those the one that leaves little ground open or covered again on a short way: a mm of path
-    /// weighs as much as a strip as wide as b.
+    /// where a seam counts for much, near the corner that makes the fewest passes, and of those the
+    /// one with little uncovered or re-covered area and a short path: a mm of path weighs as much
+    /// as a strip as wide as b.
     fn ordered(&self, passes: Vec<LayerPass>) -> Vec<LayerPass> {
         let bounds = self.hull.bounds();
         let (low, high) = (bounds.min, bounds.max);

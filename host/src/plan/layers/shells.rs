@@ -54,7 +54,7 @@ pub struct Overhang {
     pub at: Point2,
 }
 
-/// How far around a bridge's ground it holds what it borders, mm: well above rounding.
+/// Distance from a bridge's area within which an area borders on it, mm: well above rounding.
 const BESIDE_MM: f64 = 0.02;
 
 /// For each layer except the first the area farther than `reach_mm` from the layer below, together with

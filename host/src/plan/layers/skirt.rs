@@ -33,8 +33,8 @@ const LOOP_TURN_WEIGHT: f64 = 0.01;
 const FACING_COS: f64 = -0.7;
 /// Least object angle of the exterior axis, rad: that of right-angled corners stays.
 const AXIS_ANGLE_MIN_RAD: f64 = 1.4;
-/// How far around the loops the frame lies, against their distance: farther than any level curve,
-/// so that it takes no part in them.
+/// Distance of the frame from the loops, relative to theirs: farther than any level curve, so that
+/// it takes no part in them.
 const FRAME_SHARE: f64 = 4.0;
 
 /// What is planned around a target.
@@ -147,7 +147,7 @@ fn outer_shapes(regions: &[Region], offset: Vector2) -> Vec<Region> {
     shapes
 }
 
-/// A box far around everything, the ground on the left.
+/// A box far around everything, with the area on the left.
 fn frame(bounds: Box2, offset: Vector2, margin_mm: f64) -> Ring {
     let Box2 { min, max } = bounds.grown(margin_mm);
     let corners = [
@@ -161,8 +161,8 @@ fn frame(bounds: Box2, offset: Vector2, margin_mm: f64) -> Ring {
     }
 }
 
-/// The rings of a level curve, the ground outside it on the left; `pockets` are those around
-/// ground that the shape encloses.
+/// The rings of a level curve, with the area outside it on the left; `pockets` are those around
+/// areas that the shape encloses.
 fn level_rings(level: &[Region], pockets: bool) -> Vec<Ring> {
     let reversed = |ring: &Ring| Ring {
         points: ring.points.iter().rev().copied().collect(),
@@ -177,7 +177,7 @@ fn level_rings(level: &[Region], pockets: bool) -> Vec<Ring> {
     rings
 }
 
-/// What bounds the ground between rings and frame, less what is taken.
+/// Boundary of the area between rings and frame, without the occupied one.
 fn ground_walls(rings: &[Ring], frame: &Ring, taken: &[Region], reach_mm: f64) -> EdgeIndex {
     let all: Vec<Ring> = rings.iter().chain([frame]).cloned().collect();
     let left: Vec<Ring> = if taken.is_empty() {

@@ -17,13 +17,13 @@ use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::kinematics::{inverse, winds};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNELS};
 
-/// Longest distance and turn between two looks at first.
+/// Longest distance and turn between two samples at first.
 const LOOK_MM: f64 = 2.0;
 const LOOK_RAD: f64 = 0.05;
 /// Looks at each span at least and at most.
 const LOOKS_PER_SPAN: [f64; 2] = [2.0, 4000.0];
-/// Turn of a joint between two looks that is looked at closer, and how often the step is halved before it
-/// counts as a jump: to steps of a thousandth of a look.
+/// Turn of a joint between two samples above which it is sampled more closely, and the number of halvings
+/// before it counts as a jump: to steps of a thousandth of a look.
 const CLOSER_RAD: f64 = 0.5;
 const HALVINGS_MAX: u32 = 10;
 

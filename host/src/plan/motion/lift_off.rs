@@ -23,7 +23,7 @@ use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS};
 const NEAR_RAD: f64 = 2e-4;
 /// The direction of the tilt is taken this far from the pole, rad.
 const STRAIGHT_RAD: f64 = 5e-3;
-/// No nearer to the pole, rad: a direction is still told by the wire's steps, and the axis is off by less
+/// No nearer to the pole, rad: the wire's resolution still gives a direction, and the axis is off by less
 /// than the half milliradian that a pass may be.
 const BESIDE_RAD: f64 = 3e-4;
 /// How often the spans of a curve that is cut are halved.
@@ -56,7 +56,7 @@ pub struct CutPasses {
 pub struct Cuts {
     /// What the curves are, over all passes after the cuts.
     pub parts: Vec<CurvePart>,
-    /// The passes after the cuts that go on with the one before them.
+    /// The passes after the cuts that continue the previous one.
     pub goes_on: Vec<usize>,
 }
 
@@ -157,7 +157,7 @@ impl CutPasses {
 }
 
 /// The control points nearest to the pole, one each time that a curve comes near it. One that stays there
-/// never asks for a turn, and is left as it is.
+/// never requires a turn, and is unchanged.
 fn near_the_pole(control: &[Point]) -> Vec<usize> {
     let mut places: Vec<usize> = Vec::new();
     let mut is_near = false;
@@ -213,7 +213,7 @@ fn on_curve(control: &[Point], at: usize) -> Point {
     std::array::from_fn(|c| (control[at - 1][c] + 4.0 * control[at][c] + control[at + 1][c]) / 6.0)
 }
 
-/// Ends of the piece that lie at the pole keep the direction in which they come to it.
+/// Ends at the pole keep the direction in which they approach it.
 fn straightened(mut piece: Vec<Point>) -> Vec<Point> {
     for _ in 0..2 {
         let is_far = |point: &Point| tilt(point).norm() > STRAIGHT_RAD;

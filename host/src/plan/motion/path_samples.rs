@@ -47,7 +47,7 @@ pub struct Row {
     pub c: f64,
 }
 
-/// Normals (sine, cosine of 11.25°, 33.75°, ...) of the inscribed polygon that stands for a quarter
+/// Normals (sine, cosine of 11.25°, 33.75°, ...) of the inscribed polygon that represents a quarter
 /// of the circle of tip accelerations: four sides lose at most 1 - cos(11.25°) = 2 % of it, and
 /// nothing on a straight line.
 const TIP_SIDES: [[f64; 2]; 4] = [
@@ -170,7 +170,7 @@ fn cells_of_span(curve: &PathCurve, span: usize, limits: &MotionLimits) -> usize
     let turn_rad = (CHANNEL_TILT_X..=CHANNEL_HEADING)
         .map(|channel| (a[channel] - b[channel]).abs())
         .fold(0.0, f64::max);
-    // Where the tip turns back, its speed in the span comes from the legs beside it.
+    // Where the tip turns back, its speed in the span comes from the adjacent legs.
     let last = curve.control.len() - 1;
     let legs = curve.control[span.saturating_sub(1)..=(span + 2).min(last)].windows(2);
     let longest_mm = legs.map(|leg| leg_mm(&leg[0], &leg[1])).fold(0.0, f64::max);

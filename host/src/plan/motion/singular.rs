@@ -32,11 +32,11 @@ use std::f64::consts::{PI, TAU};
 
 /// Way over which the axis is led off the path and back, mm: several spans of a waypoint curve.
 const RAMP_MM: f64 = 3.0;
-/// Turning on the spot counts as so much way, mm a radian.
+/// A turn in place counts as this distance, mm per radian.
 const LEVER_MM: f64 = 20.0;
 /// What leading past must save before it is done where slowing alone is enough, s.
 const WORTH_S: f64 = 0.5;
-/// A direction beside the singular one, rad: there an arm's first joints are determined.
+/// A direction near the singular one, rad: there an arm's first joints are determined.
 const BESIDE_RAD: f64 = 0.01;
 /// Joint 5 of an arm: straight, it lines up joints 4 and 6.
 const WRIST: usize = 4;
@@ -168,7 +168,7 @@ fn lifted_off(passes: &Passes, start: Point, settings: &Settings) -> Option<Pass
     let cut = cut_at_the_pole(passes);
     let route = waypoint_way(cut.passes.clone(), start, settings);
     let (with_it, followed) = fastest(&route, settings).ok()?;
-    // What lies between the passes that were one: prime, retract and the travels.
+    // Moves between the parts of a cut pass: prime, retract and the travels.
     let mut lifting_s = 0.0;
     for pass in &cut.cuts.goes_on {
         let number = Some(*pass as u32);

@@ -17,7 +17,7 @@ use crate::geometry::{Point2, Vector2};
 const CELLS: f64 = 8.0;
 /// An aperture with next to no disk about its centre: cells stay this large against its length.
 const LEAST_SHARE: f64 = 0.1;
-/// Where the other disks stand, against the distance of the ellipse's foci.
+/// Positions of the other disks, relative to the distance of the ellipse's foci.
 const DISKS: [f64; 4] = [0.45, -0.45, 0.75, -0.75];
 /// More than the slack that a placement is granted, and than rounding, against the aperture.
 const MARGIN: f64 = 1e-4;
@@ -102,7 +102,7 @@ impl<'a> ClearanceGrid<'a> {
                     let at = c + Vector2::new(cos, sin) * *along_mm;
                     let cell = self.grid.window_about(&Box2 { min: at, max: at });
                     let cell = cell.rows[0] * self.grid.columns + cell.columns[0];
-                    // The disk's centre is in the cell of `at` or in one beside it.
+                    // The disk's centre is in the cell of `at` or in an adjacent one.
                     self.may_be_clear(self.clear_mm[cell] + self.rounded_mm, *radius_mm)
                 })
         })

@@ -85,7 +85,7 @@ impl Contour {
         }
         let bounds = region.bounds();
         let offset = (bounds.min.coords + bounds.max.coords) / 2.0;
-        // Which points are needless must not depend on how the region lies.
+        // Which points are needless must not depend on the region's orientation.
         let local = region.shifted(-offset);
         let frame = Frame::of_region(&local);
         let local = frame.snapped_in(&local);
@@ -140,7 +140,7 @@ fn cleaned_ring(ring: &Ring, tolerance_mm: f64, is_exterior: bool) -> Option<Rin
         ring.points.reverse();
     }
     ring.begin_at_extreme();
-    // Points on a line first: a chord that ends at one keeps it instead of the corner beside it.
+    // Points on a line first: a chord that ends at one keeps it instead of the adjacent corner.
     let on_line_mm = ON_LINE_MM.min(tolerance_mm);
     ring.points = simplified(&ring.points, on_line_mm);
     ring.points = simplified(&ring.points, tolerance_mm - on_line_mm);
@@ -174,8 +174,8 @@ fn simplified(points: &[Point2], tolerance_mm: f64) -> Vec<Point2> {
     kept
 }
 
-/// True where every point lies within the tolerance of chord a-b, in order along it (a spike that
-/// runs back on itself is not needless).
+/// True if every point is within the tolerance of chord a-b, in order along it (a spike that runs
+/// back on itself is not needless).
 fn chord_replaces(
     a: Point2,
     b: Point2,

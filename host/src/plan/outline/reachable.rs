@@ -35,7 +35,7 @@ const HEADINGS: usize = 24;
 const PUSHES: usize = 24;
 /// Where the centre starts, in aperture radii from the point: on it, and at either end and side.
 const STARTS: [[f64; 2]; 5] = [[0.0, 0.0], [0.9, 0.0], [-0.9, 0.0], [0.0, 0.9], [0.0, -0.9]];
-/// After so many projections a start must have come closer by this share to go on.
+/// After this number of projections a start must have come closer by this share to continue.
 const STALL: (usize, f64) = (8, 0.02);
 /// Headings refined, and halvings of the step around each.
 const REFINED: usize = 3;
@@ -55,7 +55,7 @@ pub fn covering_configuration(
     search(aperture, p, index, None)
 }
 
-/// The same; headings at which the clearance about `p` certainly holds no centre are left out.
+/// The same; headings for which the clearance around `p` certainly has no centre are omitted.
 fn search(
     aperture: &Aperture,
     p: Point2,
@@ -149,13 +149,13 @@ struct PlacementSearch<'a> {
     index: &'a EdgeIndex,
     /// Edges within an aperture's length of p, ends from p, mm.
     edges: Vec<[Vector2; 2]>,
-    /// The same in the scaled frame of the heading at hand.
+    /// The same in the scaled frame of the current heading.
     scaled: Vec<[Vector2; 2]>,
-    /// Boxes about [`EDGES_PER_BOX`] of those and where they begin: edges that follow each other
-    /// lie together. Boxes that no placement can meet are left out.
+    /// Boxes about [`EDGES_PER_BOX`] of those and where they begin: consecutive edges are close
+    /// together. Boxes that no placement can meet are omitted.
     boxes: Vec<(usize, [Vector2; 2])>,
     /// Where the box begins that held the nearest wall of the place before: mostly the next one
-    /// too, and what is farther need not be asked.
+    /// too, and farther ones need not be checked.
     last_nearest: usize,
 }
 
@@ -251,7 +251,7 @@ impl PlacementSearch<'_> {
         Err(least)
     }
 
-    /// The nearest wall: its scaled distance (1 is contact), and the way away from it that makes
+    /// The nearest wall: its scaled distance (1 is contact), and the displacement away from it for
     /// a difference of 1.
     fn nearest_wall(&mut self, center: Vector2) -> (f64, Vector2) {
         match self.aperture {
@@ -328,7 +328,7 @@ impl PlacementSearch<'_> {
         best
     }
 
-    /// Back to the plane; `None` where the way there led through a wall.
+    /// Back to the plane; `None` if the path there went through a wall.
     fn placed(&self, center: Vector2, heading_rad: f64) -> Option<Configuration> {
         let (sin, cos) = heading_rad.sin_cos();
         let (u, v) = (center.x * self.axes[0], center.y * self.axes[1]);

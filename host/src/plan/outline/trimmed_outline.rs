@@ -81,7 +81,7 @@ struct Cutting {
 #[derive(PartialEq)]
 struct Ear {
     area_mm2: f64,
-    /// How much of a disk may lie in it.
+    /// Largest share of a disk in it.
     of_disk_mm2: f64,
     at: Point2,
     points: [u32; 3],
@@ -178,8 +178,8 @@ impl Cutting {
         })
     }
 
-    /// True where a triangle is left of the ring, the edge has not cut off too much, and nothing
-    /// lies in the ear.
+    /// True if a triangle of the ring remains, the edge has not cut off too much, and nothing is in
+    /// the ear.
     fn may_cut(&self, ear: &Ear) -> bool {
         let [p, k, _] = ear.points;
         let cut_mm2 = self.cut_mm2[p as usize] + self.cut_mm2[k as usize] + ear.of_disk_mm2;

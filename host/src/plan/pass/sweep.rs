@@ -20,7 +20,7 @@ const POSE_TURN_RAD: f64 = 0.05;
 /// Most poses put between two placements.
 const POSES_MAX: usize = 64;
 
-/// Poses between two placements, both left out, so dense that their union is the sweep.
+/// Poses between two placements, without both, so dense that their union is the sweep.
 pub fn poses_between(
     aperture: &Aperture,
     from: Configuration,

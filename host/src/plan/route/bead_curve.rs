@@ -25,8 +25,9 @@ use headway_protocol::units::{
 };
 use std::f64::consts::{FRAC_PI_4, PI};
 
-/// How far the curve may pass beside a vertex, of the aperture's unit: a corner, and a joint of a polygon that stands for
-/// a curve; less what the fit of the segments takes, and what the steps grow by before a corner.
+/// Largest distance of the curve from a vertex, of the aperture's unit: a corner, and a vertex of a polygon
+/// that represents a curve; less what the fit of the segments takes, and what the steps grow by before a
+/// corner.
 const CORNER: f64 = 0.036;
 const JOINT: f64 = 0.014;
 /// Turns above this are corners.
@@ -34,13 +35,13 @@ const CORNER_RAD: f64 = PI / 6.0;
 /// Shortest and longest distance of control points, of the unit.
 const SPACING_MIN: f64 = 0.02;
 const SPACING_MAX: f64 = 1.0;
-/// By how much distances grow along the way.
+/// Growth of distances along the path.
 pub(super) const SPACING_GROWTH: f64 = 0.3;
 /// Changes of the heading's slope over a above this want control points closer than a third of a.
 const HEADING_STEP_RAD: f64 = 0.02;
 /// Places closer than this are one, of the unit.
 const SAME: f64 = 0.002;
-/// Beads wider or narrower than the nozzle's by this share are told.
+/// Beads wider or narrower than the nozzle's by this share are reported.
 const WIDTH_SHARE: f64 = 0.02;
 
 /// A pass in channel space.
@@ -67,7 +68,7 @@ pub struct BeadMove {
     pub least_s: f64,
 }
 
-/// A pass without legs that stand, by legs.
+/// A pass without legs of length 0, by legs.
 struct Way {
     points: Vec<Place>,
     legs: Vec<Leg>,
@@ -209,7 +210,7 @@ pub(super) fn steps_mm(
     ends
 }
 
-/// Lets no distance be more than what its neighbours and the legs beside it allow.
+/// Limits each distance by its neighbours and the adjacent legs.
 fn graded(spacings_mm: &mut [f64], length_mm: &[f64], unit_mm: f64) {
     let count = spacings_mm.len();
     for (i, length_mm) in length_mm.iter().enumerate() {
@@ -250,7 +251,7 @@ pub fn travel_control(tips_mm: &[[f64; 3]], unit_mm: f64) -> Vec<([f64; 3], f64)
     let length_mm: Vec<f64> = pairs().map(|pair| pair[1].distance_mm(&pair[0])).collect();
     let whole_mm: f64 = length_mm.iter().sum();
     let directions: Vec<[f64; 3]> = pairs().map(|pair| direction(&pair[0], &pair[1])).collect();
-    // A straight way is its ends.
+    // A straight path is given by its ends.
     let longest_mm = if directions.len() < 2 {
         f64::INFINITY
     } else {
@@ -289,7 +290,7 @@ pub fn travel_control(tips_mm: &[[f64; 3]], unit_mm: f64) -> Vec<([f64; 3], f64)
     control
 }
 
-/// Control points, and which of them lie on the way's vertices.
+/// Control points, and which of them are on the path's vertices.
 struct Control {
     points: Vec<[f64; CHANNELS]>,
     vertices: Vec<usize>,
@@ -324,7 +325,7 @@ impl Way {
         })
     }
 
-    /// Widths of the beads: as told, or of what is deposited.
+    /// Widths of the beads: as given, or from the deposited volume.
     fn widths_mm(&self, slicer: Slicer, settings: &Settings) -> Vec<f64> {
         let legs = self.legs.iter().zip(&self.length_mm);
         let widest_mm = 2.0 * settings.aperture.major_mm();
@@ -364,7 +365,7 @@ impl Way {
         }
     }
 
-    /// Volume at each vertex: the file's, or that of the beads which the turned nozzle lays.
+    /// Volume at each vertex: the file's, or that of the beads of the turned nozzle.
     fn volumes_mm3(&self, widths_mm: &[f64], headings: &Headings, settings: &Settings) -> Vec<f64> {
         let aperture = &settings.aperture;
         let mut volume_mm3 = 0.0;
@@ -453,7 +454,7 @@ impl Way {
     }
 }
 
-/// Headings along a way.
+/// Headings along a path.
 enum Headings {
     /// At each vertex, evenly between them.
     Told(Vec<f64>),
@@ -488,7 +489,7 @@ impl Headings {
     }
 }
 
-/// Headings as told, from turn to turn the shorter way where C is wrapped.
+/// Given headings, in the shorter direction from turn to turn if C is wrapped.
 fn unwrapped(points: &[Place]) -> Vec<f64> {
     let mut before: Option<f64> = None;
     let headings = points.iter().map(|point| {

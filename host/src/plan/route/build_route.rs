@@ -26,8 +26,8 @@ use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
 
-/// Step of the control points of a rounded way, against b: corners of at most 30° are then cut by
-/// a fifth of that, less than the way keeps from the outline.
+/// Step of the control points of a rounded path, relative to b: corners of at most 30° are then cut
+/// by a fifth of that, less than the path's clearance from the outline.
 const ROUND_STEP_SHARE: f64 = 0.5;
 
 /// Where the head is while the route is built.
@@ -141,7 +141,8 @@ impl Head<'_> {
         });
     }
 
-    /// Lift, cross with the heading turned the shorter way, lower: as one curve where nothing is in the way.
+    /// Lift, cross with the heading turned in the shorter direction, lower: as one curve if there is no
+    /// obstacle.
     fn travel_to(&mut self, pass: &PlanePass, ways: &mut TravelWays) -> Result<(), TravelError> {
         let first = pass.control[0];
         let heading = entry_heading(pass, self.at[CHANNEL_HEADING], self.settings);
@@ -187,7 +188,7 @@ impl Head<'_> {
         true
     }
 
-    /// Along the way's legs, the heading turned in proportion on those between out and back.
+    /// Along the path's legs, with the heading turned in proportion on those between out and back.
     fn cross(&mut self, layer: u32, way: Way, to: Point2, heading_rad: f64) {
         let move_to = |head: &mut Self, at: Point2, heading_rad: f64| {
             let target = [
@@ -218,8 +219,8 @@ impl Head<'_> {
         move_to(self, to, heading_rad);
     }
 
-    /// Up to a pass that begins right above, turned on the way. Then the head stands until the material may
-    /// move: pressure advance reaches ahead by half its window.
+    /// Up to a pass that begins right above, turned during the move. Then the head rests until the
+    /// material may move: pressure advance reaches ahead by half its window.
     fn rise(&mut self, pass: &PlanePass) {
         let first = pass.control[0];
         let heading = entry_heading(pass, self.at[CHANNEL_HEADING], self.settings);
@@ -268,7 +269,7 @@ impl Head<'_> {
         }
     }
 
-    /// Pulls the material back: begins before the last pass ends, and stands until it is done.
+    /// Pulls the material back: begins before the last pass ends, and rests until it is done.
     fn retract(&mut self, layer: u32) {
         let pr = self.settings.prime_retract;
         let duration_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
@@ -311,7 +312,7 @@ impl Head<'_> {
     }
 }
 
-/// What is asked of a pass beside the general settings.
+/// Requests of a pass in addition to the general settings.
 fn asked_of(pass: &PlanePass, settings: &Settings) -> KindSettings {
     let kinds = &settings.kinds;
     let own = match pass.kind {

@@ -27,9 +27,9 @@ const LOOK_RAD: f64 = 0.05;
 const POINTS_MAX: usize = 100_000;
 /// Distance of the points at first.
 const SPACING_MM: f64 = 0.5;
-/// Points that are looked at as one where they are far off.
+/// Points that are treated as one if they are far away.
 const CHUNK: usize = 32;
-/// What is kept off on the way across, against the lift.
+/// Clearance during the move across, relative to the lift.
 const MARGIN_SHARE: f64 = 0.5;
 /// Longest turn between two control points of a travel, rad.
 const TRAVEL_STEP_RAD: f64 = 0.1;
@@ -104,7 +104,7 @@ pub struct PrintedSoFar {
     head: HeadProfile,
     table_mm: f64,
     lift_mm: f64,
-    /// Table and print give way to so much.
+    /// Permitted depth in table and print.
     slack_mm: f64,
     spacing_mm: f64,
     points: Vec<Vector3<f64>>,

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 
 /// Smallest push that is made, mm³.
 const PUSH_MIN_MM3: f64 = 1e-3;
-/// Time of the way to the first pass, in which the nozzle can turn anywhere, s.
+/// Time of the move to the first pass, in which the nozzle can turn to any heading, s.
 const FIRST_TRAVEL_S: f64 = 1.0;
 /// A planned travel begins and ends this near to where it must, mm and rad.
 const START_MM: f64 = 1e-3;
@@ -184,7 +184,7 @@ impl Head<'_> {
         std::array::from_fn(|i| tip_mm[i] + self.way.offset_mm[i])
     }
 
-    /// To the pass's start: from above at first, else the file's way.
+    /// To the pass's start: from above at first, otherwise the file's path.
     fn travel(&mut self, pass: &GcodePass, curve: &BeadCurve, is_first: bool) {
         let settings = self.way.settings;
         let heading_rad =

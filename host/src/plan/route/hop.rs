@@ -14,11 +14,11 @@ use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, 
 
 /// Steps of one corner; the straight piece below it takes half as many.
 const CORNER_STEPS: usize = 12;
-/// Most steps along the way; longer ones have longer steps.
+/// Maximum number of steps along the path; longer ones have longer steps.
 const CROSS_STEPS_MAX: f64 = 20_000.0;
-/// Least that a corner takes along a long way, of the aperture's unit: without a lift there is nothing to wait for.
+/// Least length of a corner along a long path, of the aperture's unit: without a lift there is nothing to wait for.
 const CORNER_MIN: f64 = 0.5;
-/// A way below this is no way, of the unit: the head lifts, turns and lowers.
+/// A distance below this counts as 0, of the unit: the head lifts, turns and lowers.
 const CROSS_MIN: f64 = 0.05;
 
 /// True where a pass begins right above the end of another: nothing is crossed, so the material stays where it is.
@@ -32,15 +32,15 @@ pub(super) fn is_right_above(begin_mm: [f64; 3], end_mm: [f64; 3], settings: &Se
 pub(super) struct Hop<'a> {
     /// Pose at rest before it.
     pub(super) start: [f64; CHANNELS],
-    /// The way, its first point at the start.
+    /// The path, with its first point at the start.
     pub(super) legs: &'a [Point2],
-    /// Heading at its end; turned in proportion to the way.
+    /// Heading at its end; turned in proportion to the path.
     pub(super) heading_rad: f64,
     /// Height that is crossed at.
     pub(super) above_mm: f64,
     /// Height at the end.
     pub(super) end_mm: f64,
-    /// Longest step along the way; infinite where it has no corners.
+    /// Longest step along the path; infinite where it has no corners.
     pub(super) step_mm: f64,
 }
 
@@ -68,7 +68,7 @@ impl Hop<'_> {
         let corner_mm = way.whole_mm / (2.0 + 2.0 * between / steps);
         let steps = steps as usize;
         let pose = |along_mm: f64, z_mm: f64| self.pose(&way, along_mm, z_mm);
-        // Z and way of a quadratic corner, its share from the straight piece up or down.
+        // Z and distance of a quadratic corner, with its share from the straight part up or down.
         let z_share = |share: f64| 0.5 + share - 0.5 * share * share;
         let mut control = Vec::with_capacity(3 * steps + between as usize + 2);
         let height = |i: usize| i as f64 / steps as f64;
@@ -84,7 +84,7 @@ impl Hop<'_> {
         let step_mm = 2.0 * corner_mm / steps as f64;
         let crossing = (1..between as usize).map(|i| corner_mm + step_mm * i as f64);
         control.extend(crossing.map(|along_mm| pose(along_mm, self.above_mm)));
-        // Both corners meet where nothing lies between them.
+        // Both corners meet if there is nothing between them.
         let skipped = usize::from(between == 0.0);
         control.extend(shares().rev().skip(skipped).map(|share| {
             let along_mm = way.whole_mm - corner_mm * share * share;

@@ -16,19 +16,19 @@ use crate::geometry::{Point2, Vector2};
 /// Maximum number of nodes: at worst nine million lines of sight for a complete layer, some 20 s;
 /// the search evaluates a small share of them.
 pub const NODES_MAX: usize = 3000;
-/// Largest turn that one node stands for.
+/// Largest turn that one node represents.
 const NODE_TURN_RAD: f64 = std::f64::consts::FRAC_PI_6;
-/// Nodes lie this much farther out than the clearance, lines of sight may come this much closer:
+/// Nodes are this much farther out than the clearance, lines of sight may come this much closer:
 /// rounding.
 const ROUNDING_MM: f64 = 1e-7;
-/// Length of the pieces in which a line of sight is looked at, cells of the index.
+/// Length of the parts in which a line of sight is checked, cells of the index.
 const PIECE_CELLS: f64 = 4.0;
 
 /// Finds paths through one free area.
 #[derive(Clone, Debug)]
 pub struct TravelRouter {
     bounds: EdgeIndex,
-    /// Where the free ground is inside the rings rather than around them.
+    /// True if the free area is inside the rings rather than around them.
     inside: bool,
     clearance_mm: f64,
     nodes: Vec<Point2>,
@@ -124,7 +124,7 @@ impl TravelRouter {
         let mut done = vec![false; count];
         let mut best = None;
         for _ in 0..count {
-            // No way over a node is shorter than this.
+            // No path over a node is shorter than this.
             let least_mm = |n: usize| length_mm[n] + left_mm[n];
             let open = (0..count).filter(|&n| !done[n] && length_mm[n].is_finite());
             let Some(node) = open.min_by(|&m, &n| least_mm(m).total_cmp(&least_mm(n))) else {
@@ -213,7 +213,7 @@ impl Corners<'_> {
     fn goes_on(&self, run: &CornerRun, edge: usize, turned_rad: f64) -> bool {
         let step_mm = (self.point(edge + 1) - self.point(edge)).norm();
         let whole_rad = run.turned_rad + turned_rad;
-        // The node lies farther out than the clearance by about an eighth of this.
+        // The node is farther out than the clearance by about an eighth of this.
         let out_mm = (run.length_mm + step_mm) * whole_rad;
         turned_rad > 0.0 && whole_rad <= NODE_TURN_RAD && out_mm <= 4.0 * self.clearance_mm
     }
@@ -243,7 +243,7 @@ impl Corners<'_> {
     }
 }
 
-/// Nodes around the corners of a ring that stick into the ground on its left.
+/// Nodes around the corners of a ring that project into the area on its left.
 fn ring_nodes(ring: &Ring, clearance_mm: f64) -> Vec<Point2> {
     let mut nodes = Vec::new();
     let count = ring.points.len();
@@ -255,7 +255,7 @@ fn ring_nodes(ring: &Ring, clearance_mm: f64) -> Vec<Point2> {
         clearance_mm,
     };
     let mut run: Option<CornerRun> = None;
-    // Behind a corner to the left no run goes on.
+    // After a corner to the left no run continues.
     let first = (0..count).find(|&i| corners.turned_rad(i) <= 0.0);
     let first = first.unwrap_or(0);
     for edge in first + 1..=first + count {

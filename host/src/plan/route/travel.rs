@@ -16,7 +16,8 @@ use crate::plan::route::shortest_path::TravelRouter;
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y};
 
-/// Share of b that ways inside keep from the outline: passes keep all of it but for the tolerance.
+/// Clearance of paths inside from the outline, as a share of b: passes keep all of it but for the
+/// tolerance.
 const INSIDE_SHARE: f64 = 0.9;
 
 /// Why there is no path between two passes.
@@ -25,7 +26,7 @@ pub enum TravelError {
     /// The keep-outs have too many corners to route around.
     #[error("the keep-outs have more corners than can be routed around: draw them more coarsely")]
     TooManyCorners,
-    /// No way around the keep-outs.
+    /// No path around the keep-outs.
     #[error(
         "no way around the keep-outs from ({:.3}, {:.3}) to ({:.3}, {:.3}) mm: move them, or print \
          the parts one by one",

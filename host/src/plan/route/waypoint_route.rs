@@ -30,7 +30,7 @@ const DEPOSIT_STEPS: usize = 2;
 /// The same where its section is known: chords of a span that bends by 10° are 0.1 % short.
 const SECTION_STEPS: usize = 4;
 
-/// Nothing stands on the table before.
+/// The table is empty before.
 const NO_TOP: f64 = f64::NEG_INFINITY;
 
 /// What becomes of the curves' volume channel.
@@ -216,7 +216,7 @@ fn along(
 
 /// Away from the last pass: along the tool axis, and up to a height where there is one.
 fn leave(route: &mut Route, mut here: Point, clear: &Clearance, above_mm: Option<f64>) {
-    // A leaning head that goes straight up sweeps over what is printed beside it.
+    // A tilted head that moves straight up sweeps over adjacent print.
     if above_mm.is_none() || tilt(&here).norm() > UPRIGHT_RAD {
         let off = clear.off(&here);
         line(route, here, off);
@@ -229,7 +229,7 @@ fn leave(route: &mut Route, mut here: Point, clear: &Clearance, above_mm: Option
     }
 }
 
-/// What the curves of a pass lay.
+/// Volume of the curves of a pass.
 fn volume_of(curves: &[PathCurve]) -> f64 {
     let ends = [
         curves.first().and_then(|curve| curve.control.first()),
@@ -328,7 +328,7 @@ impl Clearance {
         let (off, over) = (self.off(&from), self.off(&to));
         let [out, back] = [&off, &over].map(|pose| tip(pose) - self.centre_mm);
         let around = |share: f64| {
-            // Opposite ends have no shortest way: straight up is clear as well.
+            // Opposite ends have no shortest path: straight up is clear as well.
             let direction = out.lerp(&back, share).try_normalize(1e-3);
             let reach_mm = out.norm() + share * (back.norm() - out.norm());
             self.centre_mm + reach_mm * direction.unwrap_or_else(Vector3::z)
@@ -415,8 +415,8 @@ fn print(route: &mut Route, mut curves: Vec<PathCurve>, pass: u32, pr: PrimeRetr
     }
 }
 
-/// Fills in the volume channel of all curves, one after the other. Until then it holds how much larger the
-/// bead's section is than what the nozzle lays.
+/// Fills in the volume channel of all curves, one after the other. Until then it holds the excess of the
+/// bead's section over the nozzle's own.
 fn add_flow(curves: &mut [PathCurve], start_mm3: f64, settings: &Settings) {
     let mut poses = Vec::new();
     let mut sections: Vec<f64> = Vec::new();
@@ -457,7 +457,7 @@ fn add_flow(curves: &mut [PathCurve], start_mm3: f64, settings: &Settings) {
 /// Share of the extruder's limit that a push has where the settings have no rate: as those of other files.
 const PUSH_SHARE: f64 = 0.98;
 
-/// The prime and the retract of a pass; `usual` where it asks for none.
+/// The prime and the retract of a pass; `usual` if it requests none.
 fn pushes(asked: &PassAsked, usual: PrimeRetract, settings: &Settings) -> PrimeRetract {
     let own = asked.prime_retract.unwrap_or(usual);
     let [prime_mm3, retract_mm3] = asked.pushes_mm3;
@@ -475,7 +475,8 @@ fn pushes(asked: &PassAsked, usual: PrimeRetract, settings: &Settings) -> PrimeR
     }
 }
 
-/// Fills in the volume channel of all curves from the sections that it holds, mm²: their integral over the tip's way.
+/// Fills in the volume channel of all curves from the sections that it holds, mm²: their integral over the tip's
+/// path.
 fn add_sections(curves: &mut [PathCurve], start_mm3: f64, flow_factor: f64) {
     let mut volume_mm3 = start_mm3;
     for curve in curves.iter_mut() {

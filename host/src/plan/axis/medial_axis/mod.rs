@@ -76,7 +76,7 @@ pub struct MedialAxis {
     pub edges: Vec<AxisEdge>,
     /// Numbers of the edges at each vertex, ascending; a loop edge is listed twice.
     pub adjacency: Vec<Vec<usize>>,
-    /// Edges left out because their radius did not agree with the boundary at any angle tried.
+    /// Edges omitted because their radius did not agree with the boundary at any tried angle.
     pub dropped_edges: usize,
 }
 

@@ -8,7 +8,7 @@ use super::Generator;
 use crate::geometry::edge_index::Edge;
 use crate::geometry::{Point2, Vector2};
 
-/// A focus closer to its line than the diagram can tell, mm: what it calls a parabola is the
+/// A focus closer to its line than the diagram can distinguish, mm: what it calls a parabola is the
 /// perpendicular there, and the edge is drawn straight.
 const HEIGHT_MIN_MM: f64 = 5e-4;
 

@@ -18,7 +18,7 @@ use crate::geometry::union_find::root;
 
 /// Share of a disk's radius within which the pruned axis must pass for the disk to count as seen.
 const SEEN_RATIO: f64 = 0.9;
-/// A maximum of the radius counts where the way to a larger one narrows by more than this share of
+/// A maximum of the radius counts if the path to a larger one narrows by more than this share of
 /// it: less is a bulge, or noise of the outline.
 const BULGE_RATIO: f64 = 0.02;
 /// Rounds of leaf pruning; each shortens every subtree by one branch.

@@ -21,7 +21,7 @@ use boostvoronoi::prelude::{Builder, BvError, CellIndex, Diagram, SourceCategory
 use rayon::prelude::*;
 use thiserror::Error;
 
-/// Angles tried in turn, rad: odd, so that no usual outline lies along the grid.
+/// Angles tried in turn, rad: odd, so that no usual outline is aligned with the grid.
 const ANGLES_RAD: [f64; 5] = [0.32, 0.711, 1.137, 0.093, 1.418];
 /// Distances may disagree by this many grid units: two of rounding, the rest the diagram's own.
 const DISAGREEMENT_UNITS: f64 = 5.0;
@@ -68,7 +68,7 @@ pub enum MedialAxisError {
     /// The diagram failed at every angle.
     #[error("the medial axis cannot be computed ({reason}); the outline may cross itself")]
     Diagram {
-        /// What the diagram said last.
+        /// The diagram's last error.
         reason: String,
     },
 }
@@ -236,7 +236,7 @@ fn candidate(
     Ok(index.contains(middle).then_some(Candidate { edge, middle }))
 }
 
-/// What the boundary says to a candidate.
+/// Result of checking a candidate against the boundary.
 enum Verdict {
     Agrees,
     /// Only with a straight edge.
@@ -398,7 +398,7 @@ fn axis_point(edges: &[Edge], generators: &[Generator; 2], point: Point2) -> Axi
     }
 }
 
-/// Joins what is closer than the grid can tell, and builds the graph.
+/// Merges vertices closer than the grid's resolution, and builds the graph.
 fn assemble(index: &EdgeIndex, raw: RawAxis, options: &AxisOptions) -> MedialAxis {
     let merge_mm = MERGE_UNITS * raw.unit_mm;
     let mut parent: Vec<usize> = (0..raw.points.len()).collect();

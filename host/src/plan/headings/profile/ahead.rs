@@ -86,8 +86,8 @@ fn edges_ahead(contact: &Contact, aperture: &Aperture, walls: &EdgeIndex) -> Vec
 
 /// A disk of this radius that touches a wall holds the aperture that touches it there (Blaschke's
 /// rolling theorem, 1916: nowhere is the ellipse less curved), mm; none for flat sides. Lifted off the
-/// wall by a share of b, it holds the aperture that is smaller by that share, at any heading: what may
-/// be cut is left out.
+/// wall by a share of b, it holds the aperture that is smaller by that share, at any heading: edges
+/// that may be cut are omitted.
 fn rolling_radius_mm(aperture: &Aperture) -> Option<f64> {
     match aperture {
         Aperture::Ellipse { major_mm, minor_mm } => Some(major_mm * major_mm / minor_mm),

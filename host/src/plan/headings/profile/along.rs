@@ -8,8 +8,8 @@ use crate::plan::pass::Contact;
 
 /// Entries of a table for each contact.
 const ENTRIES_PER_CONTACT: usize = 2;
-/// How far a run on the axis may lie aside for each mm of way: what bends more is a corner, where
-/// sliding off the walls does better.
+/// Lateral offset of a run on the axis per mm of path: what bends more is a corner, where sliding
+/// off the walls does better.
 const BEND_MAX: f64 = 0.1;
 
 /// Contacts with their values at equal steps along the run.
@@ -21,7 +21,7 @@ pub struct Along<'a> {
     positions_mm: Vec<f64>,
     /// Wanted extents, mm.
     extents_mm: Vec<f64>,
-    /// Where a run on the axis lies, x and y, mm; empty for others.
+    /// Position of a run on the axis, x and y, mm; empty for others.
     axis_mm: [Vec<f64>; 2],
 }
 
@@ -36,7 +36,7 @@ impl<'a> Along<'a> {
             length_mm += contact.length_mm;
         }
         let count = (contacts.len() * ENTRIES_PER_CONTACT).max(1);
-        // On straights contacts may lie farther apart.
+        // On straight parts contacts may be farther apart.
         let count = count.max((length_mm / entry_mm) as usize);
         let table = |value: fn(&Contact) -> f64| {
             let known: Vec<(f64, f64)> = contacts

@@ -66,7 +66,7 @@ fn viterbi_step(
     let bins = total.len();
     // Counted from the least, so that f32 does not drown small differences on long runs.
     let least = total.iter().copied().fold(f32::INFINITY, f32::min);
-    // Once around and on by the reach at both ends: turns need not ask where the circle closes.
+    // Once around and on by the reach at both ends: turns need no test for the end of the circle.
     let around: Vec<f32> = total[bins - reach..]
         .iter()
         .chain(total)

@@ -49,7 +49,7 @@ const TILT_WEIGHT: f64 = 7e-5;
 const SLIDES_MAX: usize = 4;
 /// Slide that an infeasible placement counts as, of the aperture's unit: far above any misfit.
 const INFEASIBLE: f64 = 5.0;
-/// Least length that a contact stands for, of the unit.
+/// Least length that a contact represents, of the unit.
 const NODE_LEAST: f64 = 0.01;
 /// A placement may cut by this share of the aperture before the final push-off.
 const CUT_SHARE_MAX: f64 = 2e-3;
@@ -67,7 +67,7 @@ struct Candidate {
 pub fn turn_weight_mm4(limits: &PoseLimits, aperture: &Aperture) -> f64 {
     let [_, _, heading] = &limits.axes;
     let way_mm2 = TURN_SHARE * aperture.major_mm() * limits.tip_speed_mm_s;
-    // Misfits are squared and summed along the way.
+    // Misfits are squared and summed along the path.
     way_mm2 / heading.acceleration.sqrt() * aperture.unit_mm().powi(2)
 }
 
@@ -89,7 +89,7 @@ pub fn profile(
     thinned::filled_in(contacts, &kept, &found, aperture)
 }
 
-/// The profile of all contacts, each looked at.
+/// The profile of all contacts, each evaluated.
 fn whole_profile(
     contacts: &[Contact],
     closed: bool,
@@ -191,8 +191,8 @@ impl<'a> ContactRun<'a> {
     }
 
     /// The placement of one contact at one heading, slid inside where it would cut a wall. A turned
-    /// aperture touches the inner side of its bead ahead of the contact or behind it: that is where
-    /// the width counts.
+    /// aperture touches the inner side of its bead before or after the contact: that is where the
+    /// width counts.
     fn place(&self, i: usize, heading: impl Into<Turn>) -> Candidate {
         let (c, aperture) = (&self.contacts[i], self.aperture);
         let turn = heading.into();
@@ -201,8 +201,8 @@ impl<'a> ContactRun<'a> {
         let support = aperture.support_point(turn, c.normal);
         let (tangent, wanted) = if c.on_axis {
             let center = aperture.center_on_axis(turn.heading_rad, c.point, c.normal);
-            // A tilted aperture touches the one wall ahead, the other behind: where the passage
-            // narrows or bends it stands beside the axis.
+            // A turned aperture touches one wall before, the other after its contact: where the
+            // passage narrows or bends it is off the axis.
             let ahead_mm = support.dot(&along);
             let wall_mm = |side: f64| {
                 let along_mm = side * ahead_mm;
@@ -255,7 +255,7 @@ impl<'a> ContactRun<'a> {
     }
 }
 
-/// From 0 where the heading lies 45° to the right of the normal to [`TILT_WEIGHT`] at 45° to its
+/// From 0 where the heading is 45° to the right of the normal to [`TILT_WEIGHT`] at 45° to its
 /// left, smoothly.
 fn tilt_cost(turn: Turn, normal: Vector2) -> f64 {
     let ahead = Vector2::new(turn.cos, turn.sin);

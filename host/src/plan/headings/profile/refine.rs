@@ -27,7 +27,7 @@ pub fn refine(run: &ContactRun, steps: &[f64], headings: &mut Vec<f64>) {
         closed: run.closed,
         count,
     };
-    // What each contact's placement costs at its heading; the neighbours have no say in it.
+    // What each contact's placement costs at its heading; the neighbours have no effect on it.
     let mut placed: Vec<f64> = (0..count)
         .into_par_iter()
         .map(|i| run.place(i, headings[i]).cost)

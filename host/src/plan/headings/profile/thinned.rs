@@ -159,7 +159,7 @@ impl<'a> Way<'a> {
             (q.at.heading_rad - p.at.heading_rad) / way_mm.max(1e-9)
         };
         let own = slope(k, k + 1);
-        // Beyond a straight the heading goes another way: there the slope is this one's own.
+        // After a straight part the heading changes: there the slope is this one's own.
         let beside = |i: usize, j: usize| {
             let is_straight = |p: &Placement| {
                 let normal = found[k].contact.normal;

@@ -61,15 +61,15 @@ const RATIO_MAX: f64 = 1.0 - 1e-6;
 /// The same for the jerk, which in a cubic piece is a mean over it.
 pub const JERK_RATIO_MAX: f64 = 1.01;
 /// What an extremum between two samples may be beyond the estimate where joints turn with the whole pose: half of
-/// this was the most, beside the pole of a turning table.
+/// this was the maximum, near the pole of a turning table.
 const BETWEEN_SHARE: f64 = 1e-4;
 /// By how much a span that the controller would refuse is slowed in one round.
 const REFUSED_SLOWING: f64 = 1.05;
-/// Largest jerk ratio that one round answers: jerk falls faster than it is asked to.
+/// Largest jerk ratio that one round answers: jerk decreases faster than required.
 const JERK_RATIO_ANSWERED: f64 = 3.0;
 
 impl Piece {
-    /// True where no limit is exceeded; the jerk may be left out.
+    /// True where no limit is exceeded; the jerk may be omitted.
     pub fn is_kept(&self, with_jerk: bool) -> bool {
         self.ratios.speed <= RATIO_MAX
             && self.ratios.acceleration <= RATIO_MAX
@@ -131,7 +131,7 @@ fn tip_norm(values: &[f64; CHANNELS]) -> f64 {
     (values[0] * values[0] + values[1] * values[1] + values[2] * values[2]).sqrt()
 }
 
-/// Largest |speed| between two samples `length_s` apart, the acceleration taken as linear.
+/// Largest |speed| between two samples `length_s` apart, assuming a linear acceleration.
 fn peak_speed(v0: f64, a0: f64, v1: f64, a1: f64, length_s: f64) -> f64 {
     let ends = v0.abs().max(v1.abs());
     if a0 * a1 >= 0.0 {
@@ -365,7 +365,7 @@ fn flow_at_ticks(spline: &RestSpline, servo_hz: f64) -> Vec<(f64, f64)> {
     flow
 }
 
-/// Ticks that one thread looks at.
+/// Ticks that one thread checks.
 const TICKS_AT_ONCE: usize = 4096;
 
 /// Checks the extruder's own rate and acceleration, pressure advance and events included, tick by
@@ -420,7 +420,7 @@ pub fn check_extruder(
     pieces.chain([kept]).collect()
 }
 
-/// A tick behind a move that is shorter than the window of pressure advance, where the move by itself is beyond a
+/// A tick after a move that is shorter than the window of pressure advance, if the move by itself exceeds a
 /// limit: half a window ago it was in its middle, or at its nearer end.
 fn short_piece(
     flow: &[(f64, f64)],

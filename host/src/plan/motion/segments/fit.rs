@@ -304,7 +304,7 @@ impl SpanShare {
             add_products(products, &value[k], &values, &sums.powers);
             add_products(products, &second[k], &seconds, &sums.bend_powers);
         }
-        // Rounding must not tell the two halves apart.
+        // Rounding must not make the two halves differ.
         let weights =
             std::array::from_fn(|k| std::array::from_fn(|l| products[k.min(l)][k.max(l)]));
         let right = std::array::from_fn(|k| {
@@ -413,7 +413,7 @@ pub fn span_errors(
                 return known;
             }
             let cubics = spline.span_polynomials(span);
-            // By power, so that the channels stand side by side.
+            // By power, so that the channels are adjacent.
             let [c0, c1, c2, c3] = std::array::from_fn(|power| cubics.map(|cubic| cubic[power]));
             let mut worst = 0.0f64;
             for t in 1..=spline.durations_ticks[span] {

@@ -16,8 +16,8 @@ use headway_protocol::units::{CHANNEL_X, CHANNELS};
 /// Shortest span: 3 ms. In a shorter one the rounding to wire units is felt as acceleration (0.1 um
 /// in 1 ms is 100 mm/s²), and the time law has nothing faster.
 const SPAN_TICKS_MIN: usize = 6;
-/// Longest span of a move: 128 ms, or as long as the tip takes for a way of 0.1 mm in base units. In a
-/// shorter way the rounding to wire units is felt as speed (0.1 um in 0.1 mm is 0.1 %). Half of
+/// Longest span of a move: 128 ms, or the tip's time for a distance of 0.1 mm in base units. Over a
+/// shorter distance the rounding to wire units shows as speed (0.1 um in 0.1 mm is 0.1 %). Half of
 /// what the wire has leaves room for slowing.
 const SPAN_TICKS_LONG: f64 = 256.0;
 const SPAN_WAY_MM: f64 = 0.1;
@@ -64,7 +64,7 @@ impl Density {
         }
     }
 
-    /// What the errors of a layout ask for.
+    /// The requirements of a layout's errors.
     fn wanted(durations_ticks: &[u16], errors: &[f64], span_ticks_long: f64) -> Self {
         let raw: Vec<f64> = durations_ticks
             .iter()

@@ -223,7 +223,8 @@ fn finish_move(
     shaping.finish()
 }
 
-/// Fails where a prime or retract alone is more than the extruder may do; the controller asks the same.
+/// Fails where a prime or retract alone is more than the extruder may do; the controller has the same
+/// requirement.
 fn check_event(route_move: &RouteMove, limits: &MotionLimits) -> Result<(), MotionError> {
     let (volume_mm3, duration_s) = match route_move.event {
         Some(MoveEvent::PrimeAtStart {

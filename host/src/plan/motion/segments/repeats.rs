@@ -11,8 +11,8 @@ use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS, Units};
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Differences from a constant move that rounding explains, mm, rad or mm³ in base units: far below what the wire tells
-/// apart. Coarser units are of larger jobs, whose numbers round by more.
+/// Differences from a constant move that rounding explains, mm, rad or mm³ in base units: far below the wire's
+/// resolution. Coarser units are of larger jobs, whose numbers round by more.
 const MOVE_TOLERANCE: f64 = 1e-9;
 
 /// For each move the first one that it repeats.

@@ -28,7 +28,7 @@ const SPEED_AIM: f64 = 0.9985;
 /// Share of the acceleration limits that the time law aims at: the fit overshoots at corners of
 /// the acceleration.
 const ACCELERATION_AIM: f64 = 0.97;
-/// Rounds that run the motion anew: the third brings 1 %, more trade one place for another.
+/// Rounds of retiming: the third brings 1 %, more trade one place for another.
 const RETIMING_ROUNDS: usize = 3;
 /// Rounds of local stretching of the time.
 const WARP_ROUNDS: usize = 20;
@@ -139,7 +139,7 @@ impl Shaping<'_> {
         Ok(better(best, self.settled(law, way_mm, 0)?))
     }
 
-    /// Fits a time law, runs it anew in the first rounds and moves it until nothing exceeds its
+    /// Fits a time law, retimes it in the first rounds and stretches it until nothing exceeds its
     /// limit.
     fn settled(
         &self,
@@ -292,8 +292,8 @@ impl Shaping<'_> {
             .in_units(self.limits.units)
     }
 
-    /// Ratios of the motion, and of the fit where even the cut spans miss their tolerance: slower
-    /// is then the way to follow the path.
+    /// Ratios of the motion, and of the fit where even the cut spans miss their tolerance: a slower
+    /// motion is then needed to follow the path.
     fn pieces(&self, layout: &Layout, ratios: &[Vec<Ratios>]) -> Vec<Piece> {
         let spline = &layout.spline;
         let mut pieces = self.limit_pieces(spline, ratios);

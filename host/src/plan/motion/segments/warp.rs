@@ -14,8 +14,8 @@ use rayon::prelude::*;
 const FLANK_TICKS: f64 = 45.0;
 /// Growth of the flank from round to round.
 const FLANK_GROWTH: f64 = 1.25;
-/// Slowing beyond what the ratio asks, per round: knots are moved to whole ticks, which changes
-/// the fit by about that much.
+/// Slowing beyond the required ratio, per round: knots are moved to whole ticks, which changes the
+/// fit by about that much.
 const MARGIN_PER_ROUND: f64 = 0.002;
 /// Ticks that one thread goes through.
 const TICKS_AT_ONCE: usize = 4096;

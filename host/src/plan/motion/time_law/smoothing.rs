@@ -30,11 +30,11 @@ pub fn duration_s(u: &[f64], rate: &[f64]) -> f64 {
     times(u, rate).last().copied().unwrap_or(0.0)
 }
 
-/// Keeps times finite where the profile stands still between rests (a limit next to zero).
+/// Keeps times finite where the profile stops between rests (a limit near zero).
 const RATE_MIN: f64 = 1e-9;
 
 /// Smallest (`sign` 1) or largest (-1) value within `radius` of time around each sample. Samples
-/// outside `first..=last` do not count for the side of the window on which they lie.
+/// outside `first..=last` do not count for their side of the window.
 fn sliding_extreme(
     time: &[f64],
     value: &[f64],
@@ -135,7 +135,7 @@ fn sampled(u: &[f64], rate: &[f64], tick_s: f64, duration_min_s: f64) -> Vec<f64
             let length_s = (time[cell + 1] - time[cell]).max(f64::MIN_POSITIVE);
             let s = ((t - time[cell]) / length_s).clamp(0.0, 1.0);
             let (v0, v1) = (rate[cell], rate[cell + 1]);
-            // Exact ends whatever the rounding: the share of the cell's way that is done.
+            // Exact ends whatever the rounding: the share of the cell's length that is done.
             let share = if v0 + v1 > RATE_MIN {
                 s * (2.0 * v0 + s * (v1 - v0)) / (v0 + v1)
             } else {
@@ -160,7 +160,7 @@ pub fn on_ticks(
         tick_s,
         duration_min_s - window_ticks as f64 * tick_s,
     );
-    // At rest before the start and behind the end.
+    // At rest before the start and after the end.
     let rests = [raw[0], raw[raw.len() - 1]].map(|rest| std::iter::repeat_n(rest, window_ticks));
     let [before, behind] = rests;
     let long: Vec<f64> = before.chain(raw.iter().copied()).chain(behind).collect();

@@ -85,7 +85,8 @@ impl Way {
         }
         let way_mm = |run: &[Stretch]| run.iter().map(|of| of.length_mm).sum::<f64>();
         let mut runs: Vec<Vec<Stretch>> = Vec::new();
-        // Of the last run; summed anew for each stretch it would grow with the square of their number.
+        // Of the last run; summed again for each stretch it would grow with the square of their
+        // number.
         let (mut run_mm, shortest_mm) = (0.0, SPEED_RUN * settings.aperture.unit_mm());
         for stretch in stretches {
             match runs.last_mut().filter(|_| run_mm < shortest_mm) {

@@ -9,7 +9,7 @@ use super::{BeadLines, EXACT_SHARE, FAR_SHARE, NEAR_SHARE};
 use crate::geometry::aperture::Aperture;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Longest link, in semi-axes a: 3 mm of a nozzle of 1.2 mm. Supports lie 2.5 mm apart.
+/// Longest link, in semi-axes a: 3 mm of a nozzle of 1.2 mm. Supports are 2.5 mm apart.
 const LINK_SHARE: f64 = 5.0;
 /// Angles closer than this to 0° or 90° are these: the range goes on behind them.
 const EDGE_RAD: f64 = 0.01;

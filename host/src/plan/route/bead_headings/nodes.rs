@@ -31,7 +31,7 @@ pub struct Node {
     pub range: Range,
 }
 
-/// What is beside one end of a leg.
+/// The neighbourhood of one end of a leg.
 #[derive(Clone, Copy, Debug, Default)]
 struct Turning {
     /// Nearly of the width so far from the end, mm.
@@ -78,7 +78,7 @@ pub fn nodes(lines: &BeadLines, legs: &[LegBands], aperture: &Aperture) -> Vec<N
         }
         before_mm += length_mm;
     }
-    // The last one lies on the end.
+    // The last one is on the end.
     if found.len() > 1
         && let Some(last) = found.last_mut()
     {
@@ -105,7 +105,7 @@ fn range_at(bands: &Choice, ends_mm: [f64; 2], turnings: &[Turning; 2], step_mm:
     range
 }
 
-/// What is beside the start and the end of each leg.
+/// The neighbourhoods of the start and the end of each leg.
 fn turnings(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<[Turning; 2]> {
     let end = Turning {
         near_mm: NEAR_REACH_SHARE * major_mm,

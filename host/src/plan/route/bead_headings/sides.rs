@@ -64,7 +64,7 @@ impl Choice {
     }
 }
 
-/// What turning between the middles of ranges costs beside turning from range to range.
+/// Cost of turning between the middles of ranges relative to turning from range to range.
 const MIDDLE_SHARE: f64 = 0.05;
 /// What it costs to turn back on a leg without a straight middle, rad: the nozzle comes to rest there.
 const BACK_RAD: f64 = 0.7;
@@ -122,7 +122,7 @@ pub fn least_turning(choices: &[Vec<Choice>], start_rad: f64, period_rad: f64) -
     counted.collect()
 }
 
-/// The states of a leg, each with the cheapest way from those of the leg before.
+/// The states of a leg, each with the cheapest path from those of the previous leg.
 fn next_states(before: &[State], from: &[Choice], to: &[Choice], period_rad: f64) -> Vec<State> {
     let none = State {
         cost: f64::INFINITY,

@@ -19,10 +19,11 @@ const ROUNDS: usize = 2;
 /// that at its begin.
 const ITERATIONS: usize = 30;
 const GAP_SHARE: f64 = 1e-6;
-/// Share of the way to the next bound that a step takes, and by what the products shrink.
+/// Share of the distance to the next bound that a step covers, and the factor by which the products
+/// shrink.
 const STEP_SHARE: f64 = 0.98;
 const CENTRING: f64 = 0.15;
-/// How far the path passes beside a corner, of the aperture's unit, and the tip's least speed there, of that for printing.
+/// Distance of the path from a corner, of the aperture's unit, and the tip's least speed there, of that for printing.
 const CORNER: f64 = 0.036;
 const SPEED_MIN_SHARE: f64 = 1.0 / 15.0;
 /// Least time of a travel.
@@ -142,7 +143,7 @@ struct Weights {
     /// The first node that it is of.
     first: usize,
     of_nodes: Vec<f64>,
-    /// The time that it stands for.
+    /// The time that it represents.
     mean_s: f64,
 }
 

@@ -88,7 +88,7 @@ fn agrees(
     })
 }
 
-/// Control points with the least squares of distances; both ends stand.
+/// Control points with the least squares of distances; both ends are at rest.
 fn least_squares(passed: &[Passed], spans: usize, whole: f64) -> Vec<Point> {
     let ends = [passed[0].point, passed[passed.len() - 1].point];
     let unknowns = spans - 1;
@@ -127,7 +127,7 @@ fn least_squares(passed: &[Passed], spans: usize, whole: f64) -> Vec<Point> {
         let u = of.at / whole * spans as f64;
         let span = (u as usize).min(spans - 1);
         let [weights, ..] = basis_weights(u - span as f64);
-        // Beyond the ends the control points go on evenly.
+        // Beyond the ends the control points continue evenly.
         let [before, a, b, after] = weights;
         match (span == 0, span + 1 == spans) {
             (false, false) => add(span - 1, &weights, &of.point, of.weight),

@@ -18,11 +18,11 @@ use headway_protocol::units::{
 use speeds::{fastest_within, peak_mm_s};
 use std::f64::consts::PI;
 
-/// A motion lies beside its chord by an eighth of chord and turn. The dialects' moves lie within 3 µm and 0.04° of it; what
-/// turns further than this allows, both with their roundings, is a corner at rest, mm.
+/// The distance of a motion from its chord is an eighth of chord times turn. The dialects' moves are within 3 µm and
+/// 0.04° of it; what turns further than this allows, both with their roundings, is a corner at rest, mm.
 const BESIDE_MM: f64 = 0.008;
-/// Radius about the tip at which a turn of the heading counts as a way: 0.05° count as 5 µm, as in what is asked of a file
-/// that is written.
+/// Radius about the tip at which a turn of the heading counts as a distance: 0.05° count as 5 µm, as in the
+/// requirements on exported files.
 const TURN_MM: f64 = 5.7;
 /// Parts of each of few moves.
 const PARTS_MIN: usize = 4;
@@ -177,7 +177,7 @@ impl FileMove {
             .sum()
     }
 
-    /// The point at a way from its start, and the direction there.
+    /// The point at a distance from its start, and the direction there.
     fn at(&self, mut way_mm: f64) -> (Point, [f64; 4]) {
         let last = self.points.len() - 2;
         for (i, way) in self.ways().enumerate() {
@@ -239,7 +239,8 @@ impl Piece<'_> {
         let mut paces = vec![means[0]];
         for i in 1..=last {
             let (before_s, after_s) = (steps[i - 1], steps[i]);
-            // Of the parabola through three places; at most what keeps the way between two of them rising.
+            // Of the parabola through three places; at most such that the path between two of them stays
+            // increasing.
             let pace = (means[i - 1] * after_s + means[i] * before_s) / (before_s + after_s);
             paces.push(pace.min(3.0 * means[i - 1].min(means[i])));
         }
@@ -266,7 +267,7 @@ impl Piece<'_> {
         let mut all = vec![place(at, self.moves[0].points[0])];
         for (i, of) in self.moves.iter().enumerate() {
             let step = steps[i];
-            // Parts begin as long as the move beside them, and grow to the middle.
+            // Parts begin with the length of the adjacent move, and grow towards the middle.
             let beside = |other: Option<usize>| {
                 let other = other.and_then(|other| steps.get(other));
                 other.map_or(1.0, |other| other.min(step) / step)
@@ -306,7 +307,7 @@ fn parts([first, last]: [f64; 2], longest: f64) -> Vec<f64> {
     let (mut from_start, mut from_end) = (Vec::new(), Vec::new());
     let (mut low, mut high) = (0.0, 1.0);
     let (mut next, mut before) = (first.min(longest), last.min(longest));
-    // While what is left is longer than both parts beside it.
+    // While the rest is longer than both adjacent parts.
     while high - low > PART_GROWTH * next.min(before) + f64::EPSILON {
         if next <= before {
             low += next;

@@ -11,7 +11,8 @@ pub fn peak_mm_s(mean_mm_s: f64, seconds: f64, rests: usize, acceleration_mm_s2:
     if rests == 0 {
         return mean_mm_s + by_change;
     }
-    // At the peak but for the ways from rest and to it: seconds = way / peak + rests peak / (2 acceleration).
+    // At the peak except for the distances from rest and to it: seconds = distance / peak + rests peak
+    // / (2 acceleration).
     let half = acceleration_mm_s2 * seconds / rests as f64;
     let room = half * half - 2.0 * half * mean_mm_s;
     match room > 0.0 {

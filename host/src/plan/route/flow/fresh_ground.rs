@@ -20,7 +20,7 @@ const CELLS_MAX: usize = 50_000_000;
 /// rows of cells would fall to either side of a bead's edge at once.
 const SKEW_RAD: f64 = 0.4;
 /// Step between poses against the minor semi-axis: the sharpest end of an ellipse of 3 : 1 leaves
-/// scallops of 1.5 % of b, which the bead beside it is thought to fill.
+/// scallops of 1.5 % of b, which the adjacent bead is assumed to fill.
 const STEP_SHARE: f64 = 0.2;
 
 /// Newly covered area of one pass, as shares of its area.

@@ -21,8 +21,8 @@ use crate::plan::route::flow::fresh_ground::FreshShares;
 use crate::settings::Settings;
 use rayon::prelude::*;
 
-/// Points of the outline. The front of a pure translation is scaled to be exact, so this bounds
-/// only how well the ground of a turn is known: to (pi / n)² = 0.1 %.
+/// Points of the outline. The front of a pure translation is scaled to be exact, so this only
+/// bounds the accuracy of a turn's area: to (pi / n)² = 0.1 %.
 const OUTLINE_POINTS: usize = 96;
 
 /// Turn of the major axis' end, against the move, below which a step is straight: what both ends of
@@ -208,7 +208,7 @@ const SMOOTHING_SHARE: [f64; 2] = [1.0, 2.0];
 /// Rounds of averaging: of three boxes becomes a bell.
 pub const SMOOTHING_ROUNDS: usize = 3;
 
-/// Place of each pose along the pass, mm; a turn counts as the way of the minor axis' end.
+/// Place of each pose along the pass, mm; a turn counts as the path of the minor axis's end.
 fn places_mm(poses: &[Configuration], aperture: &Aperture) -> Vec<f64> {
     let mut places = vec![0.0];
     let mut place_mm = 0.0;
@@ -226,7 +226,7 @@ fn step_length_mm(pair: &[Configuration]) -> f64 {
 }
 
 /// The mean of a rising function over `half_mm` to either side of each place. Beyond the ends the
-/// function goes on as its point reflection there, so that they stay where they are.
+/// function continues as its point reflection there, so that they stay in place.
 fn averaged(places_mm: &[f64], values: &[f64], half_mm: f64) -> Vec<f64> {
     let last = values.len() - 1;
     let length_mm = places_mm[last];
@@ -276,7 +276,7 @@ fn averaged(places_mm: &[f64], values: &[f64], half_mm: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Adds the start's ground to the first steps, with a weight that falls to 0 after one aperture
+/// Adds the start's area to the first steps, with a weight that falls to 0 after one aperture
 /// length (or the whole path, where that is shorter).
 fn add_start_footprint(
     steps: &mut [f64],

@@ -24,9 +24,9 @@ use crate::geometry::{Point2, Vector2};
 use crate::plan::route::shortest_path::TravelRouter;
 use crate::settings::Settings;
 
-/// Directions tried on the way out of narrow ground.
+/// Directions tried when leaving a narrow area.
 const DIRECTIONS: usize = 48;
-/// Step of that way, against b.
+/// Step of that move, relative to b.
 const STEP_SHARE: f64 = 0.05;
 /// Farthest that it goes, against the disk's radius.
 const OUT_SHARE_MAX: f64 = 3.0;

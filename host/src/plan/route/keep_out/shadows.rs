@@ -59,7 +59,7 @@ pub fn with_shadows(
     all
 }
 
-/// A triangle from above, counter-clockwise; none where it stands upright.
+/// A triangle from above, counter-clockwise; `None` if it is vertical.
 fn shadow(triangle: &[Vector3; 3], transform: &PartTransform) -> Option<Ring> {
     let corners = triangle.map(|corner| transform.to_input(corner.into()));
     let [a, b, c] = corners.map(|[x, y, _]| Point2::new(x, y));

@@ -13,14 +13,14 @@ use headway_reach::Vector3;
 use nalgebra::Vector2;
 use rayon::prelude::*;
 
-/// Distance of leans in the net, rad.
+/// Distance of leans in the grid, rad.
 const NET_RAD: f64 = 4.0 * std::f64::consts::PI / 180.0;
-/// Over so much path a lean changes, against the distance of the knots.
+/// Length of path over which a lean changes, relative to the distance of the knots.
 const CHANGE_KNOTS: f64 = 6.0;
 /// Knots of a pass, and the least distance of two, mm.
 const KNOTS_MAX: usize = 1000;
 const KNOT_MM: f64 = 2.0;
-/// Sweeps of smoothing, and how much of the way each takes at first.
+/// Sweeps of smoothing, and the share of the distance of each at first.
 const SWEEPS: usize = 40;
 const PULL: f64 = 0.05;
 
@@ -191,7 +191,7 @@ fn knot_distance_mm(knots: &[Knot]) -> f64 {
     (all_mm / (knots.len().max(2) - 1) as f64).max(1e-3)
 }
 
-/// What is in the way at a knot where nothing of the net is free: what the given axis meets.
+/// The obstacle at a knot where nothing of the grid is free: what the given axis meets.
 fn blocked_at(laid: &Laid, pass: &PassPlaces, points: &[Waypoint], knot: &Knot) -> Blocked {
     let places = &pass.places[knot.places.clone()];
     let met = places.iter().find_map(|place| {
@@ -214,7 +214,7 @@ fn given_axis(points: &[Waypoint], after: usize, share: f64) -> Vector3 {
     axis.normalize()
 }
 
-/// Moves each lean towards the mean of its neighbours, and a little towards none, as far as places stay free.
+/// Moves each lean towards the mean of its neighbours, and a little towards 0, as far as places stay free.
 fn smooth(laid: &Laid, pass: &PassPlaces, points: &[Waypoint], knots: &[Knot], leans: &mut [Lean]) {
     for _ in 0..SWEEPS {
         for k in 0..leans.len() {

@@ -15,7 +15,7 @@ use headway_reach::touch::Head;
 use headway_reach::{Pose, Vector3};
 use std::ops::Range;
 
-/// What axes that lean keep off beyond what touches, against the layer height: curves are not their chords.
+/// Extra clearance of tilted axes, relative to the layer height: curves are not their chords.
 const MARGIN_SHARE: f64 = 0.25;
 /// The same of the tip's slack.
 const SLACK_SHARE: f64 = 0.9;
@@ -160,7 +160,8 @@ impl PassPlace {
     }
 }
 
-/// Places along the chords of a pass, each laid before the next one; a point of what is laid at each.
+/// Points along the chords of a pass, each printed before the next one; a point of the print at
+/// each.
 fn laid_places(
     waypoints: &[Waypoint],
     offset_mm: Vector3,
@@ -174,7 +175,7 @@ fn laid_places(
         let turn_rad = pair[0].axis.angle(&pair[1].axis);
         let count = (chord.norm() / half_width_mm).max(turn_rad / TURN_RAD);
         let count = count.ceil().max(1.0);
-        // The last chord is laid to its end.
+        // The last chord is printed to its end.
         let is_last = after + 2 == waypoints.len();
         for step in 0..count as usize + usize::from(is_last) {
             let share = step as f64 / count;

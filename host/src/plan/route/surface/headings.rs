@@ -11,7 +11,7 @@ use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use std::f64::consts::FRAC_PI_2;
 
-/// Turns that are looked at, to either side of the plan's heading.
+/// Turns that are tried, to either side of the plan's heading.
 const STATES_ASIDE: usize = 60;
 const STATES: usize = 2 * STATES_ASIDE + 1;
 /// From one to the next.
@@ -55,7 +55,7 @@ fn turn_rad(state: usize) -> f64 {
     (state as f64 - STATES_ASIDE as f64) * STEP_RAD
 }
 
-/// Ground that is open or laid twice per length, mm.
+/// Area that is open or covered twice per length, mm.
 fn amiss_mm(bead: &Bead, turn_rad: f64, aperture: &Aperture) -> f64 {
     let (sin, cos) = bead.travel_rad.sin_cos();
     let across = Vector2::new(-sin, cos);

@@ -39,13 +39,13 @@ use std::f64::consts::TAU;
 const SAMPLE: f64 = 0.25;
 /// Least area on a layer for one of the plan: below, the layer nearly folds.
 const AREA_FACTOR_MIN: f64 = 0.1;
-/// A layer that is stretched by this share more than the nozzle's scale says, in any direction, has its headings turned:
+/// A layer that is stretched by this share more than the nozzle's scale, in any direction, has its headings turned:
 /// beads are that much too narrow or too wide.
 const STRETCHED: f64 = 0.02;
 
 type Point = [f64; CHANNELS];
 
-/// A layer above a hollow of the ground would fold.
+/// A layer above a hollow of the surface would fold.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "{above_mm:.2} mm above the surface the layer would fold near ({:.2}, {:.2}, {:.2}) mm, where the surface is \
@@ -69,7 +69,7 @@ pub struct LaidOn<'a> {
     pub volume_factor: Option<&'a (dyn Fn(Point2) -> f64 + Sync)>,
 }
 
-/// Carries a route over. The moves before the first prime or print are left out.
+/// Carries a route over. The moves before the first prime or print are omitted.
 ///
 /// # Errors
 /// [`LayerFoldsError`].
@@ -103,15 +103,15 @@ pub fn on_surface(
     Ok(mapped.collect())
 }
 
-/// What goes on from one curve to the next.
+/// State that continues from one curve to the next.
 #[derive(Default)]
 struct SoFar {
     volume_mm3: f64,
-    /// What the heading on the ground is more than in the chart, unwrapped.
+    /// Excess of the heading on the surface over that in the chart, unwrapped.
     more_rad: Option<f64>,
 }
 
-/// Fills in the turns off the passes: even along the way from one pass to the next.
+/// Fills in the turns off the passes: uniform along the path from one pass to the next.
 fn between(moves: &[RouteMove], of_passes: Vec<Option<Vec<f64>>>) -> Vec<Vec<f64>> {
     let ends = |turns: &Vec<f64>| Some([*turns.first()?, *turns.last()?]);
     let known: Vec<Option<[f64; 2]>> = of_passes
@@ -181,7 +181,7 @@ impl SurfaceMap<'_> {
         self.frame(&middle).area_factor()
     }
 
-    /// A pose of the plan on the ground; its heading is `near_rad` more than the plan's, about.
+    /// A pose of the plan on the surface; its heading is `near_rad` more than the plan's, about.
     fn pose(&self, planned: &Point, near_rad: Option<f64>) -> Point {
         let frame = self.frame(planned);
         let tilt = tilt_of_axis(&frame.normal);
@@ -240,8 +240,8 @@ impl SurfaceMap<'_> {
         Ok(headings::turns_rad(&beads, aperture, self.turn_weight_mm4))
     }
 
-    /// A curve mapped over, with these turns at its control points; volume and heading go on from the curve
-    /// before.
+    /// A curve mapped over, with these turns at its control points; volume and heading continue from the
+    /// previous curve.
     fn mapped(&self, curve: &PathCurve, turns: &[f64], so_far: &mut SoFar) -> PathCurve {
         let mut turned = curve.clone();
         for (point, turn) in turned.control.iter_mut().zip(turns) {
@@ -275,7 +275,7 @@ impl SurfaceMap<'_> {
         PathCurve { control }
     }
 
-    /// What is laid up to a sample from the one before.
+    /// Volume deposited up to a sample from the previous one.
     fn grown_mm3(&self, curve: &PathCurve, planned: &[Point], pieces: usize, index: usize) -> f64 {
         // Volumes are control values: where all of them are kept they stay what they are.
         let volume = |index: usize| match pieces {

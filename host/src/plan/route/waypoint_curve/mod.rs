@@ -67,7 +67,7 @@ pub enum WaypointCurveError {
     TooFast {
         /// Line of the waypoint.
         line: usize,
-        /// What it asks for.
+        /// Its requests.
         asked_mm_s: f64,
         /// What there is.
         print_mm_s: f64,
@@ -112,7 +112,7 @@ pub fn waypoint_passes(
     check_speeds(&run.points, settings)?;
     let mut spans_left = SPANS_MAX;
     let mut all = WaypointPasses::default();
-    // A waypoint between two jumps lays nothing.
+    // A waypoint between two jumps prints nothing.
     for points in divided(run, settings).filter(|points| points.len() > 1) {
         let (curves, rounded) = pass_curves(points, offset_mm, settings, &mut spans_left)?;
         let (curves, speeds): (Vec<_>, Vec<_>) = curves.into_iter().unzip();
@@ -139,10 +139,10 @@ pub fn divided<'a>(
     run.points.chunk_by(goes_on)
 }
 
-/// A curve and the speeds asked along it.
+/// A curve and the requested speeds along it.
 type SpeedCurve = (PathCurve, Vec<[f64; 2]>);
 
-/// One pass: its curves, with the speeds asked along each, and what became of its corners.
+/// One pass: its curves, with the requested speeds along each, and the treatment of its corners.
 fn pass_curves(
     points: &[Waypoint],
     offset_mm: [f64; 3],
@@ -161,7 +161,7 @@ fn pass_curves(
         if let (Some(from), Some(&to)) = (before, curve.control.first())
             && from[CHANNEL_HEADING] != to[CHANNEL_HEADING]
         {
-            // The corner's two sides lie differently across the travel.
+            // The corner's two sides are oriented differently across the travel.
             let control = vec![from, to];
             curves.push((PathCurve { control }, Vec::new()));
         }
@@ -171,7 +171,8 @@ fn pass_curves(
     Ok((curves, rounded))
 }
 
-/// The speeds asked along a move's curve, by its parameter; those without one print at the print speed.
+/// The requested speeds along a move's curve, by its parameter; those without one print at the print
+/// speed.
 fn asked_speeds(points: &[Waypoint], curve: &PathCurve, settings: &Settings) -> Vec<[f64; 2]> {
     if points.iter().all(|point| point.speed_mm_s.is_none()) {
         return Vec::new();
@@ -245,7 +246,7 @@ fn move_curve(
     spans_max: usize,
 ) -> Result<PathCurve, WaypointCurveError> {
     let (points, mut poses) = (piece.points, piece.poses);
-    // A round nozzle lays the same whichever way it is turned: it need not turn.
+    // A round nozzle prints the same at any heading: it need not turn.
     let across =
         !settings.aperture.is_round() && points.iter().any(|point| point.heading_rad.is_none());
     let near_rad = before.map_or(0.0, |before| before[CHANNEL_HEADING]);
@@ -278,7 +279,7 @@ struct Curve<'a> {
     beads: Option<Beads>,
     /// Sections of the bead, where they are: length of the move and mm², even in between.
     sections: Option<Vec<[f64; 2]>>,
-    /// The major axis lies across the travel, or aslant for a narrower bead.
+    /// The major axis is across the travel, or oblique for a narrower bead.
     across: bool,
     settings: &'a Settings,
 }
@@ -356,7 +357,7 @@ impl Curve<'_> {
         }
         let direction = self.spline.slope(s);
         if self.across {
-            // The angle between the major axis and the normal at which such a bead is laid.
+            // The angle between the major axis and the normal for such a bead.
             let aslant_rad =
                 width_mm.map_or(0.0, |width_mm| aperture.angle_of_extent_rad(0.5 * width_mm));
             let period_rad = aperture.period_rad();
@@ -373,8 +374,8 @@ impl Curve<'_> {
     }
 }
 
-/// Heading that lays the major axis across the travel, as seen along the tool axis; the one of
-/// the equal ones that is nearest. Where the travel is along the tool axis it stays.
+/// Heading with the major axis across the travel, as seen along the tool axis; the one of the equal
+/// ones that is nearest. Where the travel is along the tool axis it stays.
 fn across_heading(pose: &Point, direction: &Point, near_rad: f64, period_rad: f64) -> f64 {
     let travel = upright(pose) * Vector3::new(direction[0], direction[1], direction[2]);
     if travel.x.hypot(travel.y) < 1e-6 * travel.norm() {
@@ -383,7 +384,7 @@ fn across_heading(pose: &Point, direction: &Point, near_rad: f64, period_rad: f6
     nearest_heading(travel.y.atan2(travel.x) + FRAC_PI_2, near_rad, period_rad)
 }
 
-/// Width of the bead that the nozzle lays in this direction by its own, mm.
+/// The nozzle's own bead width in this direction, mm.
 fn laid_width_mm(pose: &Point, direction: &Point, aperture: &Aperture) -> f64 {
     let travel = upright(pose) * Vector3::new(direction[0], direction[1], direction[2]);
     let across = Vector2::new(-travel.y, travel.x);

@@ -15,7 +15,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Turns of the path above this are left to a rest: rounded they are spikes around which the head creeps.
 const SHARP_RAD: f64 = 2.0 * PI / 3.0;
-/// The same for a nozzle that lies across the travel: at a rest it is turned by the lesser angle.
+/// The same for a nozzle across the travel: at a rest it is turned by the lesser angle.
 const SHARP_ACROSS_RAD: f64 = FRAC_PI_2 + 0.01;
 /// Corners that cannot be rounded make others longer: so often that is tried.
 const ROUNDS: usize = 4;

@@ -24,19 +24,19 @@ use headway_protocol::units::{
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
-/// Turns of the path below this are none, whatever is beside them.
+/// Turns of the path below this are not corners, whatever their neighbours.
 const BLUNT_RAD: f64 = PI / 36.0;
 /// How much the rate of the axis' turning changes at a corner, rad/mm: a degree a millimetre. At 60 mm/s that is
 /// 60 °/s more, which rotary axes take some 20 ms for, or a millimetre.
 const AXIS_CORNER_RAD_MM: f64 = PI / 180.0;
-/// A corner turns so many times as much as the waypoints beside it: a circle of few chords has none.
+/// Ratio of a corner's turn to that of the neighbouring waypoints: a circle of few chords has none.
 const ALONE: f64 = 4.0;
 /// Largest values of the corrections: 5/32, and of the second rounded up.
 const OF_SLOPE: f64 = 5.0 / 32.0;
 const OF_BEND: f64 = 0.0076;
 /// Shorter windows are no rounding, mm.
 const HALF_MIN_MM: f64 = 0.02;
-/// Deviations of an angle below this are none, rad.
+/// Deviations of an angle below this are ignored, rad.
 const NONE_RAD: f64 = 1e-6;
 /// Corners are counted from this deviation on, mm and rad: what a curve's segments may be off.
 const TOLD: f64 = 1e-4;
@@ -310,8 +310,8 @@ impl Stretch<'_> {
         Ok((RoundedSpline { whole, rounded }, told))
     }
 
-    /// Waypoints at which these channels turn by more than `least` and far more than beside them: directions by
-    /// their angle, others by the change of their rate.
+    /// Waypoints at which these channels turn by more than `least` and far more than at their neighbours:
+    /// directions by their angle, others by the change of their rate.
     fn alone(&self, channels: &RangeInclusive<usize>, least: f64, is_angle: bool) -> Vec<usize> {
         let rates: Vec<Point> = (1..self.poses.len()).map(|i| self.rate(i)).collect();
         let turn = |i: usize| match rates.get(i.wrapping_sub(1)).zip(rates.get(i)) {
@@ -358,7 +358,7 @@ impl Stretch<'_> {
         self.broken(&breaks, &channels, tolerance)
     }
 
-    /// The path's corners whose windows are none.
+    /// The path's corners without a window.
     fn too_short(&self, part: &Rounded) -> Vec<usize> {
         let is_short = |at: &usize| {
             let mut found = part.corrections.iter();
@@ -386,7 +386,7 @@ impl Stretch<'_> {
         let corrections = corrections.map(|(sides, ends)| {
             let at_mm = self.knots[ends[1]];
             let [before, after] = [ends[0], ends[2]].map(|i| (self.knots[i] - at_mm).abs());
-            // Between two corners each has half of the way, to a rest all of it.
+            // Between two corners each has half of the distance, next to a rest all of it.
             let before = if ends[0] == 0 { before } else { 0.5 * before };
             let after = if ends[2] == last { after } else { 0.5 * after };
             let jump = |of: fn(&Spline, f64) -> Point| -> Point {

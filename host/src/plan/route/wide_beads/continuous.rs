@@ -17,9 +17,9 @@ use std::collections::BTreeMap;
 
 type Point = [f64; CHANNELS];
 
-/// A loop's ends, and the end of one and the begin of the next, lie at most so far apart, of the nozzle's length.
+/// Largest distance of a loop's ends, and of the end of one from the start of the next, of the nozzle's length.
 const NEAR_SHARE: f64 = 1.0;
-/// A loop goes on at least so much of a step ahead of the one below.
+/// A loop continues at least this share of a step ahead of the one below.
 const AHEAD_SHARE: f64 = 0.4;
 /// Thickness of a chain's very beginning, of the layer's.
 const BEGIN_SHARE: f64 = 0.25;
@@ -96,7 +96,8 @@ impl Made {
         }
     }
 
-    /// Adds a chain: what leads to it ends as low as it begins, and what follows goes on from its end.
+    /// Adds a chain: the moves to it end at its starting height, and the next ones continue from its
+    /// end.
     fn chain(&mut self, route: &Route, chain: &[Loop], settings: &Settings) {
         let mut rise = chained(route, chain, settings);
         for point in &mut rise.curve.control {
@@ -143,12 +144,12 @@ fn is_loop(control: &[Point], near_mm: f64) -> bool {
 struct Loop {
     /// Its move.
     index: usize,
-    /// Its control points, from where it goes on from the loop below.
+    /// Its control points, from the continuation of the loop below on.
     control: Vec<Point>,
 }
 
-/// The next loop, a layer higher, from where it goes on from the end of one in its direction: turned round where it runs the
-/// other way, begun at its nearest place; `None` where that is too far.
+/// The next loop, a layer higher, from its continuation of the end of one in its direction: reversed if it has
+/// the other direction, beginning at its nearest point; `None` where that is too far.
 fn gone_on(
     control: &[Point],
     next: &[Point],
@@ -168,7 +169,7 @@ fn gone_on(
     }
     let count = next.len();
     let enters = tip(&next[(nearest + 1) % count]) - tip(&next[(nearest + count - 1) % count]);
-    // The first place that lies ahead: no step back over what was just laid.
+    // The first point ahead: no step back over the last bead.
     let is_behind = |at: usize, control: &[Point]| {
         (tip(&control[at]) - tip(end)).xy().dot(&leaves.xy()) < AHEAD_SHARE * leaves.norm_squared()
     };
@@ -197,8 +198,8 @@ fn turned_round(control: &[Point]) -> Vec<Point> {
     turned.collect()
 }
 
-/// A loop begun at another of its points, over the gap between its end and its begin. What was laid on the way to that
-/// point is laid over the gap.
+/// A loop begun at another of its points, over the gap between its end and its begin. The volume up to that point is
+/// deposited over the gap.
 fn begun_at(control: &[Point], first: usize, settings: &Settings) -> Vec<Point> {
     let [start, .., end] = control else {
         return control.to_vec();

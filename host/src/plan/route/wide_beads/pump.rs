@@ -37,7 +37,7 @@ pub fn stopped_early(curves: &mut [PathCurve], stop_mm: f64) -> f64 {
     taken_mm3
 }
 
-/// The same at the end of each pass of a route that the next one does not go on from.
+/// The same at the end of each pass of a route that the next one does not continue.
 pub fn stop_passes(route: &mut Route, settings: &Settings) {
     let stop_mm = settings.wide_beads.pump_stop_mm;
     let mut taken_mm3 = 0.0;

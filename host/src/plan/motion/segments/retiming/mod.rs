@@ -28,7 +28,7 @@ const KNOT_TICKS: f64 = 14.0;
 const WINDOW: usize = 96;
 /// Coefficients between two windows that both hold: a cubic sees four.
 const HELD: usize = 3;
-/// Largest slowing that an error of the fit asks for in one round.
+/// Largest slowing for an error of the fit in one round.
 const FIT_SLOWING_MAX: f64 = 2.0;
 
 /// The knots of the squared pace.
