@@ -39,7 +39,7 @@ pub const SPANS_AHEAD: usize = 7;
 /// (`docs/measurements/firmware.md`).
 pub const WEIGHED_KNOTS: usize = 4;
 
-/// Entries of the queue whose ceilings are made under one lock: some 50 instructions each.
+/// Entries of the queue whose ceilings are computed under one lock: some 50 instructions each.
 pub const CEILINGS_AT_ONCE: usize = 12;
 
 /// Capacity of the queue in flow events: two per pass, so 32 short passes ahead.

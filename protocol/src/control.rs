@@ -100,12 +100,12 @@ pub enum Control {
     },
     /// The next [`SETTINGS_PART_BYTES`] of them; zeros after the record's end.
     SettingsPart {
-        /// Where they belong: the parts come in order.
+        /// Their place in the record: the parts are sent in order.
         offset: u16,
         /// The bytes.
         bytes: [u8; SETTINGS_PART_BYTES],
     },
-    /// They are complete: check and store them. They are in force from the board's next start.
+    /// The settings are complete: check and store them. They take effect at the board's next start.
     SettingsEnd,
     /// Find where a referenced joint triggers the probe (at rest only): fast towards it, back, slowly
     /// again, and back. [`Status::probe`](crate::message::Status) reports it; the position is not
@@ -120,7 +120,7 @@ pub enum Control {
         fast_units_s: u32,
         /// Speed of the touch that counts, above 0.
         slow_units_s: u32,
-        /// Way back before that touch and after it, above 0.
+        /// Distance back before that touch and after it, above 0.
         back_off_units: u32,
     },
     /// Move the pin of a probe that has one (at rest only).

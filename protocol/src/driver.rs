@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct DriverStatus {
     /// Bits of [`DriverFlags`].
     pub flags: u16,
-    /// Current scale in force, 0 to 31.
+    /// Current scale in use, 0 to 31.
     pub scale: u8,
     /// Datagrams that had to be sent again since the start.
     pub retries: u16,
@@ -33,7 +33,7 @@ impl DriverFlags {
     pub const OPEN_LOAD: u16 = 1 << 5;
     /// Its supply is too low.
     pub const LOW_SUPPLY: u16 = 1 << 6;
-    /// StealthChop is in force.
+    /// StealthChop is active.
     pub const STEALTH: u16 = 1 << 7;
     /// Bits in order, by name.
     pub const NAMES: [&'static str; 8] = [

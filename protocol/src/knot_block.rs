@@ -327,7 +327,7 @@ fn rice_bits(zigzag: u32, rice: u32) -> usize {
 /// Reads bits, most significant first.
 struct BitReader<'a> {
     bytes: &'a [u8],
-    /// Bits not yet taken, right-aligned.
+    /// Bits not yet read, right-aligned.
     pending: u64,
     pending_bits: u32,
 }

@@ -109,14 +109,14 @@ pub struct Finish {
     pub events: u32,
 }
 
-/// Messages of the controller. Its frames are numbered by a counter of their own.
+/// Messages of the controller. Its frames are numbered by a separate counter.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DeviceMessage {
     /// Answer to `Hello`.
     Welcome(Welcome),
     /// A message that was understood but cannot be followed.
     Refused(Refusal),
-    /// What was taken, and how much more may come.
+    /// What was accepted, and how much more may be sent.
     Ack(Ack),
     /// The same, and: send again from `next_sequence`, a frame was lost.
     Nak(Ack),
@@ -152,7 +152,7 @@ pub struct Welcome {
     /// The stream that is open, or the last one if it has ended, until the next `Start`; one of [`NO_JOB`]
     /// after an abort or a cleared fault, which gives the start of the next one's numbering.
     pub stream: Option<OpenStream>,
-    /// CRC-32 of the settings in force, drivers and pins among them; 0 where they are built in.
+    /// CRC-32 of the active settings, including drivers and pins; 0 if they are built in.
     pub settings_hash: u32,
 }
 
@@ -210,8 +210,8 @@ pub enum RefusalReason {
     Cold(ColdHeater),
 }
 
-/// What was taken, and how much more may come. Limits are totals since `Start`, so that lost or
-/// late acknowledgements do no harm: the largest value seen is valid.
+/// What was accepted, and how much more may be sent. Limits are totals since `Start`, so that lost
+/// or late acknowledgements do no harm: the largest value seen is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Ack {
@@ -279,13 +279,13 @@ pub enum ProbeResult {
 pub struct Status {
     /// `Welcome::session`.
     pub session: u32,
-    /// What it is doing.
+    /// Its present state.
     pub state: DeviceState,
     /// Path rate: 1000 is the planned one.
     pub sigma_permille: u16,
-    /// Feed override in force.
+    /// Present feed override.
     pub override_percent: u16,
-    /// Flow override in force.
+    /// Present flow override.
     pub flow_percent: u16,
     /// Spans completed since `Start`.
     pub spans_done: u32,
@@ -367,7 +367,7 @@ pub enum MessageClass {
     Stream,
     /// `Start` and the commands.
     Control,
-    /// None of this protocol's.
+    /// A code that this protocol does not define.
     Unknown,
 }
 

@@ -8,7 +8,7 @@
 //! With h_i the duration of span i and T the knots around span n (t0 = start of span n-2, ... t5 =
 //! end of span n+2), de Boor's algorithm applies as usual. A stream starts at rest: P_{-3} = P_{-2}
 //! = P_{-1} = start, and h_{-2} = h_{-1} = h_0 = h_1 = [`REST_TICKS`]. Three equal control points
-//! in a row are a rest, exactly on them.
+//! in a row are a rest, exactly at that point.
 
 use crate::units::{ChannelPoint, Ticks};
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What is wrong with settings.
+/// An error of settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SettingsProblem {
@@ -56,7 +56,7 @@ impl Eq for RefusedNumber {}
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SettingsRefusal {
-    /// What is wrong.
+    /// The error.
     pub problem: SettingsProblem,
     /// Which section, joint or heater.
     pub index: u8,

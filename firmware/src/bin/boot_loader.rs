@@ -14,7 +14,7 @@ mod loader {
 
     /// Start of the image after it.
     const IMAGE: *const u32 = 0x0800_8000 as *const u32;
-    /// Short enough to come many times before the image has set itself up.
+    /// Short enough to occur many times before the image has set itself up.
     const SYSTICK_CLOCKS: u32 = 2000;
     /// Below the mask: what is pending stays so.
     const PRIORITY: u8 = 0x80;

@@ -46,7 +46,7 @@ mod board {
     /// Nothing of ours that gets hot is at its pins.
     pub const NAMES: &[BoardName] = &[BoardName::Feather];
     pub const MUST_BE_NAMED: bool = false;
-    /// Behind all code: the chip has 1 MiB.
+    /// After all code: the chip has 1 MiB.
     pub const SETTINGS_SECTORS: [Sector; 2] = [
         Sector {
             number: 8,
@@ -89,7 +89,7 @@ mod board {
     pub const SERIAL_CLOCK_MASK: u32 = 1 << 18;
     pub const SERIAL_INTERRUPT: Interrupt = Interrupt::USART3;
 
-    /// It has none, whatever the settings contain.
+    /// This board has no heaters, whatever the settings contain.
     pub fn heaters(_settings: Option<HeatConfiguration>) -> HeatConfiguration {
         HeatConfiguration::none()
     }

@@ -183,7 +183,7 @@ mod board {
         NVIC::pend(Button);
     }
 
-    /// Bytes of the link, as they come; a second line has none.
+    /// Bytes of the link, as they arrive; a second line has none.
     struct Bytes {
         is_link: bool,
         /// One has arrived since the last check.
@@ -244,7 +244,7 @@ mod board {
         }
     }
 
-    /// Servo ticks that come while work without privilege tries to mask interrupts.
+    /// Servo ticks that occur while unprivileged code tries to mask interrupts.
     fn ticks_through_a_mask() -> u32 {
         let now = || INTERVALS.load(Ordering::Relaxed);
         let before = now();

@@ -54,9 +54,9 @@ mod bench {
     /// Nanoseconds of virtual time.
     const INSTRUCTION_NS: u32 = 64;
     const TIMER_TICK_NS: u32 = 40;
-    /// Longer jobs are left after so many servo ticks, 15 s: what comes is like what was.
+    /// Longer jobs are stopped after this many servo ticks, 15 s: the rest is like the beginning.
     const TICKS_MAX: u32 = 30_000;
-    /// Servo ticks between two whose step ticks are timed one by one.
+    /// Servo ticks between two servo ticks in which each step tick is timed.
     const TIMED_EVERY: u32 = 16;
 
     fn start_timer() {
@@ -79,8 +79,8 @@ mod bench {
         (before.wrapping_sub(after) * TIMER_TICK_NS + INSTRUCTION_NS / 2) / INSTRUCTION_NS
     }
 
-    /// Pieces of the main loop: bytes of a packet up to the end of a message, some knots of a block, work for
-    /// the spans to come, a report.
+    /// Pieces of the main loop: bytes of a packet up to the end of a message, some knots of a block,
+    /// preparation of coming spans, a report.
     const PIECES: [&str; 4] = ["bytes", "work", "ahead", "report"];
     const BYTES: usize = 0;
     const WORK: usize = 1;
@@ -336,7 +336,7 @@ mod bench {
         count.note(instructions(before, after) - empty);
     }
 
-    /// What the main loop does for the spans to come.
+    /// The main loop's preparation of coming spans.
     fn time_ahead(empty: u32, counts: &mut Counts) {
         while piece(AHEAD, empty, counts, || round::look_ahead(&mut Locked)) {}
     }

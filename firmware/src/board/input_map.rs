@@ -93,7 +93,7 @@ impl InputMap {
     }
 }
 
-/// A bit; none beyond the last.
+/// True if this bit is set; false beyond the last.
 #[inline]
 fn bit(bits: u16, number: u8) -> bool {
     u32::from(bits).checked_shr(number.into()).unwrap_or(0) & 1 == 1

@@ -8,7 +8,7 @@ pub trait Line: Read + ReadReady + Write + WriteReady {}
 
 impl<L: Read + ReadReady + Write + WriteReady> Line for L {}
 
-/// Bytes that are taken at once: a packet of USB at full speed.
+/// Bytes that are read at once: a packet of USB at full speed.
 const PACKET_BYTES: usize = 64;
 
 /// Bytes of a line that have arrived and have not been read yet.

@@ -24,7 +24,7 @@ pub struct PinOutput<S, D, const MOTORS: usize> {
 }
 
 impl<S: OutputPin, D: OutputPin, const MOTORS: usize> PinOutput<S, D, MOTORS> {
-    /// No pulse, all directions as towards smaller positions. `inverted`: motors whose direction pin is
+    /// No pulse, all directions towards smaller positions. `inverted`: motors whose direction pin is
     /// low for larger positions.
     pub fn new(steps: [S; MOTORS], directions: [D; MOTORS], inverted: u8) -> Self {
         let mut output = Self {

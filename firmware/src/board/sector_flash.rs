@@ -136,7 +136,7 @@ impl<B: FlashBus> SectorFlash<B> {
         Err(FlashError::Busy)
     }
 
-    /// Work while it is unlocked; it is locked again whatever comes of it.
+    /// Work while the flash is unlocked; it is locked again whatever the result.
     fn unlocked(
         &mut self,
         work: impl FnOnce(&mut Self) -> Result<(), FlashError>,
@@ -167,7 +167,7 @@ impl<B: FlashBus> SectorFlash<B> {
         done
     }
 
-    /// Waits for the end of what was begun.
+    /// Waits for the end of the operation.
     fn finish(&mut self) -> Result<(), FlashError> {
         self.wait()?;
         match self.bus.register(STATE) & ERRORS {

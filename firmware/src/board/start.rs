@@ -143,7 +143,7 @@ pub fn serial_number(chip: [u32; 3]) -> [u8; 24] {
 }
 
 /// The fault of a chip whose device id is not the one that the firmware is for. 0 cannot be judged:
-/// the register is not there.
+/// the register does not exist.
 pub fn chip_fault(found: u32, expected: u32) -> Option<Fault> {
     (found != 0 && found != expected).then_some(Fault {
         cause: FaultCause::Board,

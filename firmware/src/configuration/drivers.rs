@@ -106,7 +106,7 @@ pub struct WrongDriver {
     pub motor: usize,
     /// Which number.
     pub item: DriverItem,
-    /// What it is.
+    /// Its value.
     pub value: f64,
 }
 
@@ -130,7 +130,7 @@ fn scale_of(current_ma: u16, sense_mohm: u16, full_scale_mv: u64) -> u64 {
         .unwrap_or(0)
 }
 
-/// Current of so many steps of the scale, mA rms, rounded down.
+/// Current of this many steps of the scale, mA rms, rounded down.
 fn current_of(steps: u64, sense_mohm: u16, full_scale_mv: u64) -> u16 {
     let resistance_mohm = u64::from(sense_mohm) + INSIDE_MOHM;
     let whole = SCALES_SQRT_2_MILLI * resistance_mohm;
@@ -187,7 +187,7 @@ impl DriverConfiguration {
 }
 
 impl DriversConfiguration {
-    /// None of a motor.
+    /// No driver for any motor.
     pub const fn none() -> Self {
         Self {
             drivers: Vec::new(),

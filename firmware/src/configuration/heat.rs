@@ -27,7 +27,7 @@ fn extrude_min_c() -> f32 {
     EXTRUDE_MIN_C
 }
 
-/// What is heated.
+/// The heated part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum HeaterRole {
     /// A nozzle: melts, is cooled by flow and part fan, has a fan of its own.
@@ -65,7 +65,7 @@ pub struct Gains {
 /// One heater with its sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeaterConfiguration {
-    /// What it heats.
+    /// The part that it heats.
     pub role: HeaterRole,
     /// What its temperature is read with.
     pub sensor: Sensor,

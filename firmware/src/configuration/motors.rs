@@ -45,7 +45,7 @@ impl MotorPair {
 pub struct MotorMatrix {
     /// Two joints that share their motors.
     pub pair: Option<MotorPair>,
-    /// Behind the extruder's motor: each makes the steps of the joint's motor that it names.
+    /// After the extruder's motor: each makes the steps of the joint's motor that it names.
     pub copies: Vec<u8, COPIES_MAX>,
 }
 

@@ -15,7 +15,7 @@ pub(crate) const PULL_UP_OHM: f32 = 4700.0;
 pub enum SensorCurve {
     /// 1/T = a + b ln R + c (ln R)³.
     SteinhartHart([f32; 3]),
-    /// A platinum resistor of so many ohms at 0 °C.
+    /// A platinum resistor with this resistance at 0 °C, ohms.
     Platinum(f32),
 }
 

@@ -1,8 +1,8 @@
 //! Reads and writes registers of one motor's driver with verification: bounded tries, each counted.
 //!
 //! In: a port, motor and node address. Out: values, or why there are none. A write is accepted when the
-//! chip's own counter (IFCNT) has increased by one. A try whose answer was lost may have been accepted:
-//! writing the same value twice is harmless.
+//! chip's own counter (IFCNT) has increased by one. An attempt whose answer was lost may have been
+//! accepted: writing the same value twice is harmless.
 
 use super::DriverPort;
 use super::datagram::{self, WRITE_BYTES};
@@ -36,7 +36,7 @@ pub enum LinkError {
 pub struct DriverLink<'a, P> {
     /// Wires.
     pub port: &'a mut P,
-    /// Whose driver.
+    /// The motor of the driver.
     pub motor: usize,
     /// Its node address.
     pub address: u8,

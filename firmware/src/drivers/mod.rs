@@ -22,8 +22,9 @@ pub use service::DriverService;
 
 /// Bytes to a driver and back on one wire.
 pub trait DriverPort {
-    /// Sends `request` to the driver of `motor` and takes what it answers within a bounded time: how
-    /// many bytes came. What was sent is not among them. With an empty `reply` nothing is waited for.
+    /// Sends `request` to the driver of `motor` and receives its answer within a bounded time.
+    /// Returns the number of bytes received, without the echo of the request. With an empty `reply`
+    /// it does not wait.
     fn exchange(&mut self, motor: usize, request: &[u8], reply: &mut [u8]) -> usize;
 
     /// From here on interrupts disturb it: a port by pins takes a rate that bears them.

@@ -28,8 +28,8 @@ pub trait BitClock {
 const ANSWER_BITS_MAX: u32 = 32;
 /// Bits between the bytes of an answer.
 const GAP_BITS_MAX: u32 = 12;
-/// Looks at the clock within a wait: at ten clocks a look more than the longest wait takes, and an end if the
-/// clock stands.
+/// Most readings of the clock in one wait: at ten clocks each, more than the longest wait takes; they end the
+/// wait if the clock has stopped.
 const LOOKS_MAX: u32 = 2_000_000;
 const BITS: u32 = 8;
 /// Bits between the first and the third falling edge of a sync byte (0x05), which a driver takes the rate from.
@@ -66,7 +66,7 @@ impl<W: Wires, C: BitClock> OneWire<W, C> {
         self.bit_clocks = bit_clocks;
     }
 
-    /// Until so many clocks are over since `start`; when that really was.
+    /// Waits until this many clocks have passed since `start`; returns the actual time.
     fn wait(&mut self, start: u32, clocks: u32) -> u32 {
         for _ in 0..LOOKS_MAX {
             let now = self.clock.now_clocks();
@@ -77,7 +77,7 @@ impl<W: Wires, C: BitClock> OneWire<W, C> {
         start.wrapping_add(clocks)
     }
 
-    /// Until the wire is low; when that was, or `None` after so many bits.
+    /// Waits until the wire is low; returns the time, or `None` after this many bits.
     fn falls(&mut self, motor: usize, bits_max: u32) -> Option<u32> {
         let start = self.clock.now_clocks();
         for _ in 0..LOOKS_MAX {
@@ -92,8 +92,8 @@ impl<W: Wires, C: BitClock> OneWire<W, C> {
         None
     }
 
-    /// Sends a byte at this many clocks a bit. The datagram's first is the sync byte: from its third falling
-    /// edge on the rate is that by which the driver takes the rest. Returned is the rate.
+    /// Sends a byte at this many clocks per bit. The datagram's first byte is the sync byte: from its third
+    /// falling edge on, the rate is the one at which the driver reads the rest. Returns that rate.
     fn send(&mut self, motor: usize, byte: u8, mut bit_clocks: u32, is_sync: bool) -> u32 {
         let start = self.clock.now_clocks();
         // Start bit, the byte, stop bit.
@@ -109,7 +109,7 @@ impl<W: Wires, C: BitClock> OneWire<W, C> {
         bit_clocks
     }
 
-    /// What comes next within so many bits.
+    /// The next byte, if it arrives within this many bits.
     fn receive(&mut self, motor: usize, bit_clocks: u32, bits_max: u32) -> Heard {
         let Some(start) = self.falls(motor, bits_max) else {
             return Heard::Nothing;

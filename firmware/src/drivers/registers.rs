@@ -23,7 +23,7 @@ pub const TPOWERDOWN: u8 = 0x11;
 pub const TPWMTHRS: u8 = 0x13;
 /// Chopper.
 pub const CHOPCONF: u8 = 0x6c;
-/// What is wrong now.
+/// The present fault.
 pub const DRV_STATUS: u8 = 0x6f;
 /// StealthChop.
 pub const PWMCONF: u8 = 0x70;
@@ -59,7 +59,7 @@ const PWM_DEFAULT: u32 = 0xc10d_0024;
 /// From run to hold in steps of 8 x 2^18 clocks each, after 0.44 s.
 const HOLD_DELAY: u32 = 8 << 16;
 const POWER_DOWN: u32 = 20;
-/// Replies come 8 bit times after the question, more than a pin takes to turn round.
+/// Replies begin 8 bit times after the request, longer than a pin takes to change direction.
 const REPLY_DELAY: u32 = 2 << 8;
 
 /// A write, and whether the chip lets it be read.

@@ -23,11 +23,11 @@ use heapless::Vec;
 /// From one driver to the next, s: all eight are seen in 2 s, and the main loop is away for a tenth of its
 /// time at most, even where all are silent.
 const PERIOD_S: f64 = 0.25;
-/// DRV_STATUS: the scale in force, and that StealthChop is.
+/// DRV_STATUS: the current scale in use, and whether StealthChop is active.
 const SCALE_SHIFT: u32 = 16;
 const STEALTH: u32 = 1 << 30;
 
-/// What is wrong with a driver.
+/// A fault of a driver.
 type Trouble = (FaultCause, i32);
 
 /// One motor's driver.
@@ -145,7 +145,7 @@ impl DriverService {
         }
     }
 
-    /// One driver's turn; false where there is none.
+    /// One driver's turn; false if the motor has none.
     fn serve(&mut self, motor: usize, port: &mut impl DriverPort) -> bool {
         let places = self.drivers.get_mut(motor).zip(self.status.get_mut(motor));
         let Some((driver, status)) = places else {
@@ -175,7 +175,7 @@ impl DriverService {
     }
 }
 
-/// Reads how a driver is: what is wrong with it, if anything.
+/// Reads a driver's state; returns its fault, if any.
 fn ask<P: DriverPort>(
     link: &mut DriverLink<'_, P>,
     status: &mut DriverStatus,

@@ -4,7 +4,7 @@ use crate::design::QUEUE_EVENTS;
 use headway_protocol::segment::FlowEvent;
 use heapless::Deque;
 
-/// No event waits: a span that never comes.
+/// No event waits: a span that is never reached.
 const NEVER: u32 = u32::MAX;
 
 /// The bounded queue.
@@ -12,7 +12,7 @@ const NEVER: u32 = u32::MAX;
 // What every tick uses comes first.
 #[repr(C)]
 pub struct EventQueue {
-    /// Span of the next event, so that a servo tick need not look at it before.
+    /// Span of the next event, so that a servo tick need not check it before.
     next_span: u32,
     events: Deque<FlowEvent, QUEUE_EVENTS>,
 }
@@ -44,7 +44,8 @@ impl EventQueue {
         added
     }
 
-    /// The next event, if its place is reached `local_ticks` into the last of so many spans begun.
+    /// The next event, if its place is reached `local_ticks` into the last of this many spans
+    /// begun.
     #[inline(always)]
     pub fn due(&self, spans_begun: u32, local_ticks: u16) -> Option<&FlowEvent> {
         if spans_begun <= self.next_span {

@@ -46,7 +46,7 @@ fn rounding(extruder: &ExtruderConfiguration, servo_hz: f64) -> f64 {
 /// Watches the extruder's motor.
 #[derive(Clone, Copy, Debug)]
 pub struct ExtruderGuard {
-    /// Way of a servo tick at the rate limit.
+    /// Distance of a servo tick at the rate limit.
     way_limit: u32,
     /// Change of it at the acceleration limit.
     bend_limit: u32,

@@ -21,7 +21,7 @@ enum Melt {
 pub struct Hold {
     delay_ticks: u32,
     rested_ticks: u32,
-    /// The stream's newest prime, while it is in force.
+    /// The stream's newest prime, while it lasts.
     primed: Option<FlowEvent>,
     melt: Melt,
 }

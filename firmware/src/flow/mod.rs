@@ -59,7 +59,7 @@ impl ActiveEvent {
 // What every tick uses comes first.
 #[repr(C)]
 pub struct Flow {
-    /// Advance by what was gained over the window, 2^-20.
+    /// Advance by the increase over the window, 2^-20.
     advance_gain: i32,
     window_ticks: usize,
     /// Servo ticks that the advance waits.
@@ -90,7 +90,7 @@ impl FlowWindow {
     };
 }
 
-/// Flow override: what is deposited above or below the plan.
+/// Flow override: the volume deposited above or below the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct FlowScaling {
     /// There was a request since the last declaration.
@@ -101,7 +101,7 @@ struct FlowScaling {
     slope_q16: u32,
     /// Position deposited in the last tick, once the factor has not been 1.
     last: Option<i64>,
-    /// Sum of what was added, 2^-31 steps.
+    /// Sum of the additions, 2^-31 steps.
     extra: i64,
 }
 
@@ -123,7 +123,7 @@ impl FlowScaling {
         self.is_asked |= wanted_q16 != UNSCALED_Q16;
     }
 
-    /// What is added to the planned `place`.
+    /// The addition to the planned `place`.
     #[inline(never)]
     fn extra(&mut self, place: Target) -> Target {
         let deposited = place.position();
@@ -181,7 +181,7 @@ impl Flow {
         ((self.scaling.wanted_q16 * 100 + UNSCALED_Q16 / 2) / UNSCALED_Q16) as u16
     }
 
-    /// Flow factor in force, 2^-16.
+    /// Present flow factor, 2^-16.
     #[inline]
     pub fn factor_q16(&self) -> u32 {
         self.scaling.factor_q16

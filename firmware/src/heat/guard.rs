@@ -93,7 +93,7 @@ pub struct HeatFault {
 /// The data that a guard checks.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// Temperature, °C, or why there is none.
+    /// Temperature, °C, or the reason why it is unknown.
     pub reading: Result<f32, HeatCause>,
     /// The conversion that all were equal to.
     pub frozen_at: Option<u16>,

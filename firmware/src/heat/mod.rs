@@ -43,8 +43,8 @@ pub const STANDBY_K: f32 = 50.0;
 const READY_K: f32 = 2.0;
 /// and no faster, K/s.
 const READY_SLOPE_K_S: f32 = 0.3;
-/// From a fault that switching off may not help to the cut of the supply, s: the head comes to rest and
-/// retracts meanwhile.
+/// Time from a fault that switching off may not cure to the cut of the supply, s: meanwhile the head
+/// comes to rest and retracts.
 const SUPPLY_CUT_S: f32 = 2.0;
 
 /// Requests and state of the machine for a period.
@@ -68,7 +68,7 @@ pub struct Orders {
     pub fan_turns: u8,
 }
 
-/// What is to be put out.
+/// The outputs to set.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outputs {
     /// Duties of the heaters, 0 to 1.
@@ -114,7 +114,7 @@ struct Heater {
 }
 
 impl Heater {
-    /// One period: duty to come, or the fault.
+    /// One period: the next duty, or the fault.
     fn tick(&mut self, target_c: f32, load: &HeatLoad) -> Result<f32, HeatCause> {
         let configuration = &self.configuration;
         let read = self.samples.take();
@@ -346,7 +346,7 @@ impl Heat {
         self.heaters.get(heater).map(|heater| &heater.configuration)
     }
 
-    /// Target in force, °C: that of a standby, or 0 after a fault.
+    /// Present target, °C: that of a standby, or 0 after a fault.
     pub fn target_c(&self, heater: usize) -> f32 {
         self.heaters
             .get(heater)

@@ -11,7 +11,7 @@ use crate::configuration::heat::{Gains, PERIOD_S, Plant};
 
 /// Air around the machine, °C, as Klipper's `AMBIENT_TEMP`. A warmer room costs the integral 3 %.
 pub const AMBIENT_C: f32 = 25.0;
-/// Time over which the reading's slope is taken, s, Klipper's `smooth_time`.
+/// Time over which the reading's slope is measured, s, Klipper's `smooth_time`.
 const SLOPE_S: f32 = 1.0;
 /// The integral works this close to the target: further away it would only gather overshoot.
 const INTEGRAL_BAND_K: f32 = 10.0;

@@ -46,7 +46,7 @@ impl HeatService {
         &self.heat
     }
 
-    /// The outputs from now on, once per period; `None` in between.
+    /// The new outputs, once per period; `None` in between.
     pub fn serve(&mut self, motion: &mut Motion, fan_turns: u8) -> Option<Outputs> {
         let orders = self.take_orders(motion, fan_turns)?;
         let outputs = self.tick(&orders);

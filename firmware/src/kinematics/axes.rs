@@ -453,7 +453,8 @@ impl<R: Real> Axes<R> {
     }
 }
 
-/// How near the centre of a polar table the tip may come, mm: there its direction is no direction.
+/// Least distance of the tip from the centre of a polar table, mm: at the centre its direction is
+/// undefined.
 const POLAR_LEAST_MM: f64 = 1e-3;
 
 #[cfg(test)]

@@ -8,7 +8,8 @@ use headway_protocol::message::{
     Control, DeviceState, RefusalReason, RefusedNumber, SettingsProblem, SettingsRefusal,
 };
 
-/// Frames that a host may have sent and this end has not taken: one for each place in the queues, and the end.
+/// Frames that a host may have sent and the controller has not accepted: one for each place in the queues, and
+/// the end.
 const FRAMES_AHEAD_MAX: u32 = (QUEUE_KNOTS + QUEUE_EVENTS + 1) as u32;
 
 impl Receiver {

@@ -406,7 +406,7 @@ impl Receiver {
         let _ = self.due.refusals.push_back(Refusal { sequence, reason });
     }
 
-    /// The same for a control message that was taken.
+    /// The same for an accepted control message.
     fn refuse_control(&mut self, sequence: u16, reason: RefusalReason) {
         self.refused = Some(Refusal { sequence, reason });
         self.refuse(sequence, reason);

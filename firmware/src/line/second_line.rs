@@ -74,7 +74,8 @@ impl Content {
         )
     }
 
-    /// True for what only the host on the first line may ask: to stream, to move, to heat.
+    /// True for requests that only the host on the first line may make: to stream, to move, to
+    /// heat.
     pub(super) fn needs_the_line(&self) -> bool {
         match self {
             Content::Hello(_) | Content::Unreadable(_) => false,
@@ -92,7 +93,7 @@ impl Request {
     }
 }
 
-/// Queries, and commands that make a machine slower, cooler or stop: what is not named here is for the first line.
+/// Queries, and commands that make a machine slower, cooler or stop: all others are for the first line.
 fn is_for_every_line(control: &Control) -> bool {
     matches!(
         control,

@@ -34,7 +34,7 @@ pub(super) struct Unpacking {
     window: SpanWindow,
     winding: Winding<f32>,
     count: u32,
-    /// Knots up to the last one whose volume is another than that of the one before it.
+    /// Knots up to the last one whose volume differs from that of its predecessor.
     melt_knots: u32,
     /// Volume of the last knot.
     volume_units: i32,
@@ -47,7 +47,7 @@ impl Receiver {
         self.unpacking.is_some()
     }
 
-    /// Weighs at most so many knots of the block that the last frame brought.
+    /// Weighs at most this many knots of the last frame's block.
     #[inline(never)]
     pub fn work(&mut self, knots: usize) {
         if let Some(unpacking) = &mut self.unpacking {
@@ -89,7 +89,7 @@ impl Receiver {
 }
 
 impl Unpacking {
-    /// A block as it came; `None` if it is damaged.
+    /// A block as received; `None` if it is damaged.
     // Its parts are large: they should not be on the caller's stack.
     #[inline(never)]
     pub(super) fn new(sequence: u16, bytes: &[u8], stream: &Stream) -> Option<Self> {

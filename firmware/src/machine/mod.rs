@@ -215,7 +215,7 @@ impl Machine {
         self.player.run_interval(output);
     }
 
-    /// All step ticks of an interval whose servo tick was made, at once.
+    /// All step ticks of an interval whose servo tick has been computed, at once.
     pub fn run_step_interval<O: StepOutput>(&mut self, output: &mut O) {
         self.player.run_interval(output);
     }
@@ -240,7 +240,7 @@ impl Machine {
         HeatService::new(configuration, heat, self.servo.motion_mut())
     }
 
-    /// Outputs of heaters and fans from now on, once per period; `None` in between.
+    /// New outputs of heaters and fans, once per period; `None` in between.
     pub fn serve_heat(&mut self, service: &mut HeatService, fan_turns: u8) -> Option<Outputs> {
         service.serve(self.servo.motion_mut(), fan_turns)
     }

@@ -16,17 +16,18 @@ use crate::motion::Motion;
 pub trait Controller {
     /// Uses the motion; `None` before there is one.
     fn with_motion<R>(&mut self, work: impl FnOnce(&mut Motion) -> R) -> Option<R>;
-    /// The same for what may stop the steps: if it does, they stand still before this returns.
+    /// The same for work that may stop the steps: if it does, they have stopped before this
+    /// returns.
     fn command(&mut self, work: impl FnOnce(&mut Motion));
     /// The main loop lives.
     fn note_round(&mut self);
-    /// Lets servo and steps run where nothing interrupts; on a board they come when they like.
+    /// Lets servo and steps run if nothing interrupts; on a board they interrupt at any time.
     fn interrupts(&mut self) {}
 }
 
-/// What is around the controller.
+/// The hardware around the controller.
 pub trait Surroundings {
-    /// All that has come is done in one round, and all reports are sent that there is room for: where no interrupt
+    /// One round handles all that has arrived and sends all reports that fit: for callers in which no interrupt
     /// waits for a piece of work.
     const AT_ONCE: bool;
     /// Knots of a block that are weighed in one piece.
@@ -34,7 +35,7 @@ pub trait Surroundings {
     /// Bytes of a line.
     type Bytes: Iterator<Item = u8>;
 
-    /// What has come on a line and is not taken yet.
+    /// Bytes that have arrived on a line and are not read yet.
     fn heard(&mut self, line: usize) -> &mut Self::Bytes;
     /// A line takes a report, or more of one.
     fn has_room(&mut self, _line: usize) -> bool {
@@ -42,13 +43,13 @@ pub trait Surroundings {
     }
     /// Sends what a line takes of it: how many bytes.
     fn send(&mut self, line: usize, bytes: &[u8]) -> usize;
-    /// Keeps settings that have come.
+    /// Stores received settings.
     fn store(&mut self, _receiver: &mut Receiver) {}
-    /// Looks after the heaters, where it is time.
+    /// Serves the heaters when a period is due.
     fn heat(&mut self, _controller: &mut impl Controller) {}
-    /// Looks after the drivers, where it is their turn.
+    /// Serves the drivers when their turn is due.
     fn drivers(&mut self, _controller: &mut impl Controller) {}
-    /// Pulses of the probe's pin from now on, us; 0 for none.
+    /// New pulse length of the probe's pin, us; 0 for no pulses.
     fn pulse(&mut self, _pulse_us: u16) {}
 }
 
@@ -134,7 +135,7 @@ pub fn look_ahead(controller: &mut impl Controller) -> bool {
     controller.with_motion(Motion::look_ahead) == Some(true)
 }
 
-/// A report, or what is left of one; all of them where they are sent at once.
+/// A report, or the rest of one; all of them if they are sent at once.
 #[inline(always)]
 fn report<S: Surroundings>(
     receiver: &mut Receiver,

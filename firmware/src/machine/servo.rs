@@ -13,7 +13,7 @@ use crate::motion::{EMERGENCY, Motion};
 use crate::steps::{StepBank, StepPlayer, Stopped};
 use headway_protocol::message::{Fault, FaultCause};
 
-/// Where the bank is that the servo writes.
+/// Location of the bank that the servo writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Handover {
     /// The servo's.
@@ -26,7 +26,7 @@ pub enum Handover {
 
 /// The steps as the servo sees them: on a board they interrupt it.
 pub trait StepSide {
-    /// Whose the bank is.
+    /// The owner of the bank.
     fn handover(&self) -> Handover;
     /// Intervals that had no program.
     fn overruns(&self) -> u32;
@@ -36,7 +36,7 @@ pub trait StepSide {
     fn idle_bank(&mut self) -> &mut StepBank;
     /// It is written: it plays when the present interval has ended, unless the steps are stopped before.
     fn hand_over(&mut self);
-    /// Stops the steps: none comes after it.
+    /// Stops the steps: no step follows.
     fn stop(&mut self);
     /// Tells, once, where the motors were when the steps were stopped.
     fn tell_stopped(&mut self, tell: impl FnOnce(&Stopped));
@@ -73,7 +73,7 @@ impl Servo {
         }
     }
 
-    /// What it moves.
+    /// The machine that it moves.
     #[inline(always)]
     pub fn motion(&self) -> &Motion {
         &self.motion

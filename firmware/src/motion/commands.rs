@@ -204,7 +204,7 @@ impl Motion {
         }
     }
 
-    /// Goes on after a pause.
+    /// Continues after a pause.
     pub fn resume(&mut self) {
         self.ask_pause(false);
     }
@@ -251,7 +251,7 @@ impl Motion {
         self.state.take_stop()
     }
 
-    /// Goes on from where the engine was stopped.
+    /// Continues from the place where the engine was stopped.
     pub fn engine_stopped(&mut self, stopped: &Stopped) {
         self.programmer.recover(stopped, &self.waiting);
     }

@@ -27,7 +27,7 @@ impl DriverPanel {
         &self.status
     }
 
-    /// What is wrong now.
+    /// The present fault.
     pub fn fault(&self) -> Option<Fault> {
         self.fault
     }

@@ -20,7 +20,7 @@ pub(super) fn step_rate_fault(exceeded: StepRateExceeded, servo_hz: u32) -> Faul
 }
 
 impl Motion {
-    /// Looks closer at an extruder beyond a plan's limits: all targets are taken back.
+    /// Examines an extruder beyond a plan's limits: all targets are withdrawn.
     #[cold]
     pub(super) fn check_extruder(&mut self, ways: [i32; 2]) -> Result<(), Fault> {
         // What the path rate did lasts as long as pressure advance remembers, and moves the flow against

@@ -25,7 +25,7 @@ const FIRST_PERIODS: u8 = 10;
 enum ColdLeave {
     #[default]
     None,
-    /// For the next stream or extrusion; so many periods at rest since.
+    /// For the next stream or extrusion; the periods at rest since then.
     Next(u16),
     /// For the current one.
     Running,
@@ -163,7 +163,7 @@ impl HeatPanel {
         };
     }
 
-    /// A period in this state: leave ends with what it was for.
+    /// A period in this state: the permission ends with the stream or extrusion that it was for.
     pub(crate) fn note_leave(&mut self, state: DeviceState) {
         let rests = matches!(
             state,

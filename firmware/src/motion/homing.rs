@@ -85,7 +85,7 @@ pub struct Homing {
 }
 
 impl Homing {
-    /// `None` if the joint is not one of the machine.
+    /// `None` if the machine does not have the joint.
     // Once for homing and probing: kilobytes of soft doubles.
     #[inline(never)]
     pub fn new(homing: &JointHoming, machine: &MachineConfiguration) -> Option<Self> {

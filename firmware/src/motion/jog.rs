@@ -78,7 +78,7 @@ impl Jog {
         self.homing.is_some() && self.probing
     }
 
-    /// Nothing is in progress: a stop leaves what was.
+    /// Drops whatever is in progress.
     pub(super) fn clear(&mut self) {
         self.homing = None;
         self.probing = false;
@@ -158,7 +158,7 @@ impl Motion {
         }
     }
 
-    /// The motors hold no more: anything may push them.
+    /// The motors no longer hold: anything may push them.
     pub(super) fn let_go(&mut self) {
         self.reference.lose(self.joints.all());
         if let Some(standing) = self.state.standing_mut() {
@@ -253,7 +253,7 @@ impl Motion {
         Ok(())
     }
 
-    /// Begins the next move of the route once the last one rests. True while there is one to come.
+    /// Begins the next move of the route once the last one rests. True while moves remain.
     fn go_on(&mut self) -> bool {
         let hand = &self.jog;
         let Some(&(joint, goal)) = hand.route.get(hand.begun) else {
@@ -444,7 +444,7 @@ impl Motion {
         self.jog.guarded() & !(u8::from(probed) << self.jog.joint)
     }
 
-    /// Joints whose switch must stop what moves now.
+    /// Joints whose switch must stop the present motion.
     pub(super) fn guarded_switches(&self) -> u8 {
         match self.state {
             State::Running(_) => self.jog.all_guards(),

@@ -55,13 +55,13 @@ use headway_protocol::message::{ColdHeater, Fault, FaultCause, ProbeResult};
 use jog::Jog;
 use state::{Standing, State, Stream};
 
-/// What is known of the motors' place in the world.
+/// The known positions of the motors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Reference {
     /// Joints declared or homed, and followed since: a mask.
     known: u8,
     /// Joints stopped at full speed by a fault, or not found by homing: they must be declared or
-    /// homed. What is neither known nor lost is declared by the next stream's start.
+    /// homed. The next stream's start declares joints that are neither known nor lost.
     lost: u8,
 }
 
@@ -423,7 +423,7 @@ impl Motion {
         }
     }
 
-    /// Drops what is queued; the head stays where it rests.
+    /// Drops all queued knots and events; the head stays where it rests.
     // Once in the image.
     #[inline(never)]
     fn forget_stream(&mut self) {

@@ -68,8 +68,8 @@ impl Motion {
         Ok(())
     }
 
-    /// The order as the approach to a switch; `None` where it does not fit the joint, or the joint is not
-    /// known.
+    /// The command as the approach to a switch; `None` if it does not fit the joint, or the joint's
+    /// position is not known.
     fn probe_touch(&self, order: &Control) -> Option<(usize, JointHoming)> {
         let Control::Probe {
             joint,

@@ -14,12 +14,12 @@ pub const PULSE_PERIOD_US: u16 = 20_000;
 /// Time for the pin to go out: Klipper's `pin_move_time`, 0.68 s, and a little.
 pub const PIN_MS: u32 = 700;
 
-/// The joint whose switch it may be.
+/// The joint whose switch the probe may be.
 const Z: u8 = 2;
 
 /// Where pulses go.
 pub trait PulsePort {
-    /// From now on pulses of this length, us; 0 for none.
+    /// Sets the pulse length, us; 0 for no pulses.
     fn put(&mut self, pulse_us: u16);
 }
 

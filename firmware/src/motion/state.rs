@@ -40,7 +40,7 @@ pub(super) enum Demand {
         /// a heater that is not there yet does.
         heats: bool,
     },
-    /// Come to rest on the path and be forgotten.
+    /// Come to rest on the path, then drop the stream.
     Leave,
 }
 
@@ -68,7 +68,7 @@ impl Demand {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stream {
     pub(super) demand: Demand,
-    /// All of it has come.
+    /// All of it has arrived.
     pub(super) is_complete: bool,
 }
 
@@ -99,7 +99,8 @@ pub(super) enum State {
     /// Nothing.
     Idle {
         standing: Standing,
-        /// An aborted stream: what shapers and pressure advance hold back has still to come out.
+        /// An aborted stream: the delayed targets of shapers and pressure advance are still to be
+        /// executed.
         settles: bool,
     },
     /// A fault: nothing, and the engine must be stopped before its interval ends.
@@ -197,7 +198,7 @@ impl State {
         }
     }
 
-    /// An abort: what moves comes to rest.
+    /// An abort: the present motion comes to rest.
     pub(super) fn abort(&mut self) {
         match self {
             Self::Idle { .. } | Self::Stopping { .. } => {}
@@ -231,7 +232,8 @@ impl State {
         true
     }
 
-    /// At rest after an abort or a fault: whatever it was is over. `is_at_rest`: all has come out.
+    /// At rest after an abort or a fault: the stream or move is over. `is_at_rest`: all delayed
+    /// targets are executed.
     #[inline(never)]
     pub(super) fn leave(&mut self, is_at_rest: bool) {
         let still_settles = self.is_aborting() && !is_at_rest;

@@ -36,7 +36,7 @@ impl Motion {
         self.state.is_aborting()
     }
 
-    /// What is known of the drivers.
+    /// The known state of the drivers.
     pub fn drivers(&self) -> &DriverPanel {
         &self.drivers
     }
@@ -56,12 +56,12 @@ impl Motion {
         self.warp.rate_q16()
     }
 
-    /// Feed override in force, per cent.
+    /// Present feed override, per cent.
     pub fn override_percent(&self) -> u16 {
         self.override_percent
     }
 
-    /// Flow override in force, per cent.
+    /// Present flow override, per cent.
     pub fn flow_percent(&self) -> u16 {
         self.flow.override_percent()
     }
@@ -164,7 +164,7 @@ impl Motion {
     }
 }
 
-/// What a stream does that is not to leave.
+/// State of an open stream, by its demand.
 fn state_of(stream: &Stream, moving: DeviceState) -> DeviceState {
     match stream.demand {
         Demand::Leave => DeviceState::Aborting,

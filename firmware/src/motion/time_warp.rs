@@ -224,8 +224,8 @@ impl WarpBounds {
         }
     }
 
-    /// Largest rate up to `rate` after which the ceiling still holds one tick later:
-    /// sigma² <= here - 2 k sigma, the ceiling's slope 2k taken where it is steepest.
+    /// Largest rate up to `rate` after which the ceiling still holds one tick later: sigma² <= here -
+    /// 2 k sigma, with the ceiling's slope 2k where it is steepest.
     fn below(&self, here: f32, ahead: f32, rate: f32) -> f32 {
         let steepest = slope_of(&self.load, ahead).larger(slope_of(&self.next_load, ahead));
         if here >= CEILING_OPEN && ahead >= CEILING_OPEN || rate * (rate + 2.0 * steepest) <= here {
@@ -237,7 +237,7 @@ impl WarpBounds {
 }
 
 /// Change of rate in this tick, on a ramp with `way` to go whose last tick changed it by `last`: at most
-/// `full`, built up and taken back by `full / SLOPE_TICKS`. Negative while a ramp in the other direction
+/// `full`, increased and reduced by `full / SLOPE_TICKS`. Negative while a ramp in the other direction
 /// is reduced.
 fn eased(full: f32, last: f32, way: f32) -> f32 {
     let build_up = full * (1.0 / SLOPE_TICKS);

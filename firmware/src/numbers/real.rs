@@ -37,7 +37,7 @@ pub trait Real:
     fn magnitude(self) -> Self {
         if self < Self::of(0.0) { -self } else { self }
     }
-    /// False for what is infinite or not a number.
+    /// False for infinities and values that are not numbers.
     fn is_number(self) -> bool;
     /// Widens for reports and tests.
     fn as_double(self) -> f64;

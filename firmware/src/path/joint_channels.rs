@@ -38,7 +38,8 @@ pub struct JointChannels {
     angle_natural: f32,
 }
 
-/// Most motor steps of a unit: [`StepScale`] holds less than 4, and what is coarser than a step moves in jumps.
+/// Most motor steps of a unit: [`StepScale`] holds less than 4, and a unit coarser than a step would move in
+/// jumps.
 const STEPS_PER_UNIT_MAX: f32 = 3.0;
 
 impl JointChannels {
@@ -81,7 +82,7 @@ impl JointChannels {
         }
     }
 
-    /// The same in a stream's units; `self` has base units. `None` where a unit is too coarse for a motor.
+    /// The same in a stream's units; `self` has base units. `None` if a unit is too coarse for a motor.
     pub fn in_units(&self, units: &Units) -> Option<Self> {
         let mut coarse = self.clone();
         let natural = natural_of(units);

@@ -135,7 +135,7 @@ impl JointTargets {
         self.kinematics.solution()
     }
 
-    /// Takes this joint solution from now on: at the start of a stream. False where the machine has not so many.
+    /// Selects the joint solution, at the start of a stream. False if the machine does not have it.
     #[must_use]
     pub fn take_solution(&mut self, solution: u8) -> bool {
         if solution >= self.kinematics.solutions() {

@@ -53,8 +53,8 @@ pub enum SpanFault {
 }
 
 /// Largest share of the extruder's acceleration that the plan is believed to use by itself. The gain
-/// of pressure advance is a bound that hardly any plan reaches: taken in full it could leave no
-/// slope to stop with, and hold up a plan that is right.
+/// of pressure advance is a bound that hardly any plan reaches: used in full it could leave no slope
+/// to stop with, and hold up a valid plan.
 const EXTRUDER_ALPHA_MAX: f32 = 0.7;
 
 /// Most that a joint may be beyond an end of its range, mm or rad: the tolerance of a fitted path, 1 µm, and more
@@ -209,7 +209,7 @@ impl LoadModel {
         self.natural = natural_of(units);
     }
 
-    /// Looks at a prime or retract by itself.
+    /// Checks a prime or retract by itself.
     ///
     /// # Errors
     /// [`SpanFault::Limit`] where the extruder cannot follow.

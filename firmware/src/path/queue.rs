@@ -77,8 +77,8 @@ impl Ceiling {
     }
 }
 
-/// Segment time below which the queue's end is looked for: 128 ms at 2 kHz, more than the head needs to
-/// come to rest from 150 mm/s.
+/// Segment time below which the queue's end matters: 128 ms at 2 kHz, more than the head needs to come
+/// to rest from 150 mm/s.
 const SHORT_TICKS: u32 = 256;
 
 /// The bounded queue.
@@ -94,7 +94,7 @@ pub struct KnotQueue {
     knots: Deque<QueuedKnot, QUEUE_KNOTS>,
 }
 
-/// A backward pass: until it is over the ceilings before its place are those of the shorter queue, which are
+/// A backward pass: until it ends, the ceilings before its place are those of the shorter queue, which are
 /// lower.
 #[derive(Clone, Copy, Debug)]
 struct Pass {
@@ -141,7 +141,7 @@ impl KnotQueue {
         self.queued_ticks < SHORT_TICKS && !self.ends_at_rest
     }
 
-    /// The stop ceiling so many ticks after the start of the next knot's span.
+    /// The stop ceiling this many ticks after the start of the next knot's span.
     pub fn stop_ahead(&self, mut ticks: f32) -> f32 {
         for (index, entry) in self.knots.iter().enumerate() {
             let span_ticks = f32::from(entry.span_ticks);
@@ -218,7 +218,8 @@ impl KnotQueue {
         self.pass.is_some()
     }
 
-    /// Goes on with it over so many entries; true if there was one. Knots may be dropped at the front meanwhile.
+    /// Continues the pass over this many entries; true if there was one. Knots may be dropped at the front
+    /// meanwhile.
     pub fn go_on_with_pass(&mut self, entries: usize) -> bool {
         let Some(mut pass) = self.pass.take() else {
             return false;

@@ -53,10 +53,10 @@ impl SettingsInbox {
             .ok_or(refusal(SettingsProblem::Incomplete, 0))
     }
 
-    /// It is complete: checks it.
+    /// The record is complete: checks it.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The error of the record.
     pub fn end(&mut self) -> Result<(), SettingsRefusal> {
         if self.length == 0 || self.record.len() != self.length {
             return Err(refusal(SettingsProblem::Incomplete, 0));

@@ -205,7 +205,7 @@ impl BoardSettings {
     /// Reads a record and checks it.
     ///
     /// # Errors
-    /// What is wrong with it, and where.
+    /// The error of the record, and its place.
     pub fn decode(record: &[u8]) -> Result<Self, SettingsRefusal> {
         let damaged = refusal(SettingsProblem::Damaged, 0);
         let (body, crc) = record.split_last_chunk::<CRC_BYTES>().ok_or(damaged)?;

@@ -16,7 +16,7 @@ use embedded_storage::nor_flash::NorFlash;
 use headway_protocol::frame::checksum;
 use headway_protocol::message::SETTINGS_BYTES_MAX;
 
-/// Bytes before the record; a multiple of every flash's word that is taken.
+/// Bytes before the record; a multiple of the word of every supported flash.
 const HEAD_BYTES: usize = 16;
 /// Bytes written at once.
 const PIECE_BYTES: usize = 16;
@@ -24,7 +24,7 @@ const PIECE_BYTES: usize = 16;
 pub const SLOT_BYTES_MIN: usize = HEAD_BYTES + SETTINGS_BYTES_MAX;
 const SLOTS: u32 = 2;
 
-/// Why a record was not stored. What was in force before still is.
+/// Why a record was not stored. The previous one stays active.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
     /// The flash is too small, or its words do not divide `PIECE_BYTES`.
@@ -33,7 +33,7 @@ pub enum StoreError {
     Flash,
 }
 
-/// What is known of a slot.
+/// The known state of a slot.
 #[derive(Clone, Copy)]
 struct Found {
     slot: u32,
@@ -81,10 +81,10 @@ impl<F: NorFlash> SettingsStore<F> {
         self.read(found.slot).map(|(_, record)| record)
     }
 
-    /// Stores a record in the slot that is not in force.
+    /// Stores a record in the inactive slot.
     ///
     /// # Errors
-    /// [`StoreError::Flash`]; the record of before is in force then.
+    /// [`StoreError::Flash`]; the previous record stays active.
     pub fn put(&mut self, record: &[u8]) -> Result<(), StoreError> {
         if record.is_empty() || record.len() > SETTINGS_BYTES_MAX {
             return Err(StoreError::Unsuitable);
@@ -128,7 +128,7 @@ impl<F: NorFlash> SettingsStore<F> {
         Ok(())
     }
 
-    /// The slot in force.
+    /// The active slot.
     fn newest(&mut self) -> Option<Found> {
         let mut newest: Option<Found> = None;
         for slot in 0..SLOTS {

@@ -38,7 +38,7 @@ impl Motor {
         self.acceleration = 0;
     }
 
-    /// What so many more ticks make, 2^-31 steps.
+    /// The displacement of this many more ticks, 2^-31 steps.
     fn way(&self, ticks: i32) -> i64 {
         let triangle = i64::from(ticks * (ticks - 1) / 2);
         i64::from(self.velocity) * i64::from(ticks) + i64::from(self.acceleration) * triangle
@@ -85,8 +85,8 @@ impl Turn {
 /// index needs no check.
 pub(super) const TURNS: usize = (MOTORS_MAX + 1).next_power_of_two();
 
-/// Puts a turn into its place among so many before it, or into one of the same tick. How many there are
-/// then.
+/// Inserts a reversal into its place among the earlier ones, or into one of the same tick. Returns
+/// their number.
 #[inline(always)]
 fn insert(turns: &mut [Turn; TURNS], count: usize, mut new: Turn) -> usize {
     let mut place = 0;
@@ -131,7 +131,7 @@ impl StepBank {
         self.turns[0] = Turn::NONE;
     }
 
-    /// Says when which of the `reversing` motors turn round, in an interval so many ticks long.
+    /// Computes when each of the `reversing` motors reverses, in an interval of this many ticks.
     // Few intervals have a turn: its registers are not to be theirs.
     #[inline(never)]
     pub(super) fn plan_turns(&mut self, reversing: u8, interval_ticks: u32) {
@@ -155,13 +155,13 @@ impl StepBank {
         self.turns[count % TURNS] = Turn::NONE;
     }
 
-    /// Stands still from here on.
+    /// Stops from here on.
     pub(super) fn stop(&mut self) {
         self.motors.iter_mut().for_each(Motor::stop);
         self.turns[0] = Turn::NONE;
     }
 
-    /// The same, with so many ticks left: what is not played.
+    /// The same, with this many ticks left: the part that is not played.
     pub(super) fn stopped(&mut self, ticks_left: u32) -> Stopped {
         let ticks_left = ticks_left.min(INTERVAL_TICKS_MAX) as i32;
         let stopped = Stopped {

@@ -12,8 +12,8 @@ use crate::design::{self, ADVANCE_WINDOW_TICKS_MAX};
 use crate::steps::WAIT_TICKS_MAX;
 use crate::steps::shaping::shapes;
 
-/// Largest distance from the plan, motor steps: targets are told apart up to 512, less a tick's way
-/// (`steps/waiting_targets.rs`).
+/// Largest distance from the plan, motor steps: targets are unambiguous up to 512, less a tick's
+/// displacement (`steps/waiting_targets.rs`).
 const OFF_PLAN_STEPS_MAX: f64 = 400.0;
 
 /// Servo ticks of the window over which the flow is averaged, of 1 to [`ADVANCE_WINDOW_TICKS_MAX`].

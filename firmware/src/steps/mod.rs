@@ -90,8 +90,8 @@ impl StepScale {
         }
     }
 
-    /// Of units coarser by two to this power, exactly: so many of them are where as many base units are. They must
-    /// be below 4 steps too.
+    /// For units coarser by two to this power, exactly: a count of them is at the same position as the equivalent
+    /// count of base units. They must be below 4 steps too.
     #[must_use]
     pub fn coarser(&self, exponent: u8) -> Self {
         let whole = (self.per_unit << REST_BITS) | i64::from(self.per_unit_rest);
@@ -213,7 +213,7 @@ impl Target {
         }
     }
 
-    /// A distance of so many 2^-31 steps, to be added to a target.
+    /// A distance of this many 2^-31 steps, to be added to a target.
     #[inline]
     pub fn of_distance(distance: i64) -> Self {
         Self {

@@ -11,7 +11,7 @@ use crate::configuration::motors::{COPIES_MAX, MotorMatrix};
 pub struct MotorMix {
     /// Places of the pair; two equal ones are not a pair.
     pair: [u8; 2],
-    /// Where each copy is and what it repeats.
+    /// The index of each copy and of the motor that it repeats.
     copies: [[u8; 2]; COPIES_MAX],
     copy_count: u8,
 }
@@ -24,7 +24,7 @@ impl MotorMix {
         copy_count: 0,
     };
 
-    /// Of a machine with so many joints.
+    /// Of a machine with this many joints.
     pub fn new(matrix: &MotorMatrix, joints: usize) -> Self {
         let mut mix = Self::NONE;
         if let Some(pair) = &matrix.pair {
@@ -43,7 +43,7 @@ impl MotorMix {
         self.pair[0] == self.pair[1] && self.copy_count == 0
     }
 
-    /// Motors in all, of a machine with so many joints and an extruder.
+    /// All motors of a machine with this many joints and an extruder.
     pub fn motors(&self, joints: usize) -> usize {
         joints + 1 + usize::from(self.copy_count)
     }

@@ -16,7 +16,7 @@ pub trait StepOutput {
     /// One step of each motor in the mask (never 0) in step tick `tick`, counted from start-up.
     fn step(&mut self, tick: u64, motors: u8);
     /// The same with a word for each motor, whose sign bit is set if it steps; in every tick. Ports
-    /// that take the words as they are save the mask.
+    /// that use the words unchanged need no mask.
     #[inline(always)]
     fn begin_pulses_by_sign(&mut self, tick: u64, signs: &[u32; MOTORS_MAX]) {
         // The last motor first: the mask moves up, so that motor 0 ends in bit 0.

@@ -13,7 +13,7 @@ pub struct StepPlayer {
     /// The idle bank has been handed over.
     handed: bool,
     overruns: u32,
-    /// Where it was stopped, until that is taken.
+    /// Where it was stopped, until the servo reads it.
     stopped: Option<Stopped>,
 }
 

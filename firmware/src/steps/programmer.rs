@@ -268,7 +268,7 @@ impl StepProgrammer {
         self.line.begin()
     }
 
-    /// Takes back that a servo tick was begun, before a target was put in.
+    /// Undoes the beginning of a servo tick, before a target was entered.
     pub fn take_back_begin(&mut self) {
         self.line.take_back();
     }

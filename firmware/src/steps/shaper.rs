@@ -98,7 +98,7 @@ impl MotorShaper {
         };
     }
 
-    /// Goes on by a tick; `due` is what waited.
+    /// Advances by a tick; `due` is the delayed target.
     #[inline(always)]
     fn follow(&mut self, rows: &[Row; ROWS], newest: usize, due: &mut Row) {
         let motor = self.motor % MOTORS_MAX;
@@ -159,7 +159,7 @@ impl Shapers {
         count: 0,
     };
 
-    /// For a machine whose line waits so long.
+    /// For a machine with this delay line.
     pub(super) fn new(shapes: &[Option<Shape>; JOINTS_MAX], delays: &Delays) -> Self {
         let mut shapers = Self::NONE;
         for (motor, shape) in shapes.iter().enumerate() {

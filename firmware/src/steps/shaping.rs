@@ -20,15 +20,15 @@ pub const IMPULSES_MAX: usize = 3;
 const EI_TOLERANCE: f64 = 0.05;
 /// Lowest frequency that is considered; how low it may be hangs on the line.
 const FREQUENCY_MIN_HZ: f64 = 1.0;
-/// Largest damping ratio: what is damped more does not ring.
+/// Largest damping ratio: a frame with more damping does not ring.
 pub(crate) const DAMPING_MAX: f64 = 0.5;
 
-/// What is left of a shaper on a machine's servo ticks.
+/// A shaper, sampled to a machine's servo ticks.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// Weights, which add up to 1, and times in servo ticks, the first 0.
     Impulses(Vec<(f64, f64), IMPULSES_MAX>),
-    /// The average over so many ticks, twice.
+    /// The average over this many ticks, applied twice.
     Averages(u32),
 }
 

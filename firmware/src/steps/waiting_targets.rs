@@ -55,7 +55,7 @@ impl WaitingTargets {
         self.shapers.rest(&row);
     }
 
-    /// True if a motor does not come out as it went in.
+    /// True if a motor's delayed target differs from the entered one.
     pub(super) fn shapes(&self) -> bool {
         !(self.shapers.is_none() && self.mix.is_none())
     }
@@ -67,7 +67,8 @@ impl WaitingTargets {
         self.mix.way(&self.rows[before], &self.rows[newest])
     }
 
-    /// What comes out, shaped and mixed; none where a motor that two joints move would go too far, 2^-22 steps.
+    /// The delayed targets, shaped and mixed; `None` if a motor that two joints move would go too far, 2^-22
+    /// steps.
     #[inline(never)]
     pub(super) fn shaped(&mut self, places: Places, way_max: u32) -> Option<&Row> {
         if self.mixed_way(places) > way_max {
@@ -86,7 +87,7 @@ impl WaitingTargets {
         &mut self.rows[places.newest % ROWS]
     }
 
-    /// What comes out.
+    /// The delayed targets.
     #[inline(always)]
     pub(super) fn due(&self, places: Places) -> &Row {
         &self.rows[places.oldest % ROWS]
@@ -105,7 +106,7 @@ pub struct Places {
 pub(super) struct Line {
     newest: usize,
     wait_ticks: usize,
-    /// What the advance adds to what comes out, 2^-22 steps, and for which motor.
+    /// The advance's addition to the delayed target, 2^-22 steps, and its motor.
     advance: i64,
     advanced: u8,
     /// A motor is shaped or mixed.
@@ -126,13 +127,13 @@ impl Line {
         }
     }
 
-    /// True if a motor does not come out as it went in.
+    /// True if a motor's delayed target differs from the entered one.
     #[inline(always)]
     pub(super) fn shapes(&self) -> bool {
         self.shapes
     }
 
-    /// Servo ticks after which what has gone in has come out.
+    /// Servo ticks after which an entered target has left the line.
     pub(super) fn settle_ticks(&self) -> u32 {
         u32::from(self.settle_ticks)
     }
@@ -156,7 +157,8 @@ impl Line {
         &waiting.rows[self.newest % ROWS]
     }
 
-    /// Puts in the motor that has the advance. What comes out for it, with the advance of now.
+    /// Enters the target of the motor that has the advance. Returns its delayed target with the
+    /// present advance.
     #[inline(always)]
     pub(super) fn exchange(
         &mut self,
@@ -173,7 +175,7 @@ impl Line {
         *due
     }
 
-    /// How far what goes in is ahead of what comes out, 2^-31 steps: except for a tick's
+    /// Distance of the entered target from the delayed one, 2^-31 steps: except for a tick's
     /// displacement, and a shaper's deviation from the plan.
     #[inline(never)]
     pub(super) fn held(&self, motor: usize, waiting: &WaitingTargets) -> i64 {

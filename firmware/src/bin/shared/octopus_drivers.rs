@@ -12,7 +12,7 @@ use headway_firmware::steps::output::Pin;
 
 /// While nothing interrupts: a bit is 1,680 clocks.
 const FAST_BITS_S: u32 = 100_000;
-/// Beside interrupts: the servo at rest takes a tenth of a bit.
+/// With interrupts on: the servo at rest takes a tenth of a bit.
 const SLOW_BITS_S: u32 = 10_000;
 
 pub struct OctopusWires;

@@ -19,7 +19,7 @@ const RELOAD: *mut u32 = (TIMER + 0x2c) as *mut u32;
 const COMPARE: *mut u32 = (TIMER + 0x34) as *mut u32;
 /// Twice APB1's 42 MHz, by this and one: a microsecond.
 const BY_84: u32 = 84 - 1;
-/// PWM mode 1 of channel 1, its length taken over at the period's end.
+/// PWM mode 1 of channel 1; a new length takes effect at the period's end.
 const PWM: u32 = 0b110 << 4 | 1 << 3;
 const UPDATE: u32 = 1;
 /// Counting, the period buffered.
@@ -29,7 +29,7 @@ const ON: u32 = 1 << 7 | 1;
 pub struct OctopusServo;
 
 impl OctopusServo {
-    /// Before interrupts are on: low, until a length is put; not where the board is another one.
+    /// Before interrupts are on: low until a length is set; not on a foreign board.
     pub fn set_up(known: Known) -> Self {
         clock_on(Bus::Apb1, CLOCK);
         // SAFETY: registers of this timer, which nothing else uses.

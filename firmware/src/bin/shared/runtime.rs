@@ -135,7 +135,7 @@ static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 /// Rounds of the main loop.
 static LINK_PASSES: AtomicU32 = AtomicU32::new(0);
 
-/// Adds one to what one context alone writes.
+/// Adds one to a counter that only one context writes.
 fn count(counter: &AtomicU32) {
     let value = counter.load(Ordering::Relaxed);
     counter.store(value.wrapping_add(1), Ordering::Relaxed);
@@ -201,7 +201,7 @@ fn idle_bank(playing: *const StepBank) -> NonNull<StepBank> {
     }
 }
 
-/// Stops the steps, in an interrupt of their own priority: no step comes after it.
+/// Stops the steps, in an interrupt of the steps' priority: no step follows.
 fn stop_steps() {
     // SAFETY: as the step interrupt, which cannot interrupt this one. Where they were stopped is
     // ours unless it waits to be read.
@@ -325,7 +325,7 @@ pub struct Board<'a> {
     pub session: u32,
 }
 
-/// Puts the machine where the interrupts find it, before any of them is on; `None` where it cannot
+/// Places the machine where the interrupts expect it, before any of them is on; `None` if it cannot
 /// be run.
 // Never part of its caller: what is built on the stack here is gone when the main loop begins.
 #[inline(never)]

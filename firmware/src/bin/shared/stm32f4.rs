@@ -119,9 +119,9 @@ pub fn pend_stop() {
 }
 
 mod emergency_input {
-    //! An edge of one line of the external interrupts, 5 to 15, and the level behind it. The edge is kept by the
-    //! chip until it is taken; the level is looked at in every servo tick. Either counts where the input stays
-    //! pressed for some microseconds.
+    //! An edge of one line of the external interrupts, 5 to 15, and the input's level. The chip latches the edge
+    //! until it is handled; every servo tick reads the level. Either counts if the input stays pressed for some
+    //! microseconds.
     use super::{CoreDelay, DelayNs, EMERGENCY_LOOK_NS, is_held};
     use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
     use headway_firmware::steps::output::Pin;
@@ -200,12 +200,12 @@ const DATA: *mut u32 = (SERIAL_PORT + 4) as *mut u32;
 const BAUD: *mut u32 = (SERIAL_PORT + 8) as *mut u32;
 const CONTROL: *mut u32 = (SERIAL_PORT + 12) as *mut u32;
 const TX_EMPTY: u32 = 1 << 7;
-/// On; interrupt when a byte has come; sends and receives.
+/// On; interrupt when a byte has arrived; sends and receives.
 const SERIAL_ON: u32 = 1 << 13 | 1 << 5 | 1 << 3 | 1 << 2;
 /// 42 MHz / 16 / 2.625.
 const ONE_MBAUD: u32 = 2 << 4 | 10;
-/// 41 ms at 1 Mbaud: twice what an arm takes for a full block of knots, while nothing is read. The host sends
-/// no more than its credit, so that two blocks in a row are the most.
+/// 41 ms at 1 Mbaud: twice the time in which an arm processes a full block of knots, while nothing is read.
+/// The host sends no more than its credit, so at most two blocks arrive in a row.
 static ARRIVED: ByteRing<4096> = ByteRing::new();
 
 impl SerialLine {
@@ -340,14 +340,14 @@ fn serve(mut receiver: Receiver, mut around: Around) -> ! {
     }
 }
 
-/// What is kept in flash, else what is built in.
+/// The settings in flash, else the built-in ones.
 // Never part of its caller, whose stack lasts.
 #[inline(never)]
 fn what_to_run(kept: &mut KeptSettings) -> Option<BoardSettings> {
     kept.settings().or_else(built_for)
 }
 
-/// What is wrong with this board, where anything is.
+/// The fault of this board, if it has one.
 fn set_up_clocks(device: &pac::Peripherals) -> Option<Fault> {
     let wrong_clock = clocks::set_up(&device.RCC, &device.FLASH);
     chip_fault(start::device_id(), CHIP_ID).or(wrong_clock)

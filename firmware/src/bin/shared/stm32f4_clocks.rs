@@ -18,7 +18,7 @@ const _: () = assert!(
 );
 /// 336 MHz from 2 MHz; by 2 for the core, by 7 for USB; the upper bits at their reset value.
 const PLL: u32 = 2 << 28 | 7 << 24 | 168 << 6;
-/// The crystal by what makes 2 MHz of it.
+/// The crystal, divided to 2 MHz.
 const FROM_CRYSTAL: u32 = 1 << 22 | CRYSTAL_HZ / PLL_INPUT_HZ;
 /// 16 MHz / 8.
 const FROM_INTERNAL: u32 = 8;

@@ -45,7 +45,7 @@ pub struct KeptSettings {
 }
 
 impl KeptSettings {
-    /// `None` where nothing right is built in.
+    /// `None` if the built-in settings are not valid.
     #[inline(never)]
     pub fn find() -> Option<Self> {
         let built_in = built_for()?.machine;
@@ -67,7 +67,7 @@ impl KeptSettings {
         self.limits
     }
 
-    /// What is kept and can be run.
+    /// The stored settings, if they can be run.
     pub fn settings(&mut self) -> Option<BoardSettings> {
         let (settings, hash) = kept_settings(&mut self.store, &self.limits)?;
         self.hash = hash;

@@ -41,7 +41,7 @@ pub struct HeatLoop {
 }
 
 impl HeatLoop {
-    /// All off; `None` before the motion is there.
+    /// All off; `None` before the motion exists.
     // Never part of its caller, whose stack lasts.
     #[inline(never)]
     pub fn new(

@@ -31,8 +31,8 @@ const WATCHDOG_RELOAD: *mut u32 = 0x4000_3008 as *mut u32;
 /// Time without a healthy servo after which everything is reset: its own 32 kHz / 32 = 1 per ms.
 const WATCHDOG_MS: u32 = 200;
 
-/// Where the chip has 96 bits that no two chips have alike. Read when they are: tests put the address of some other
-/// words here, as the emulator has nothing at this place.
+/// Address of the chip's unique 96-bit identifier. Emulated builds put the address of other words here, as the
+/// emulator has nothing at this address.
 #[cfg(not(feature = "emulated"))]
 #[unsafe(no_mangle)]
 static CHIP_UNIQUE_AT: usize = 0x1fff_7a10;

@@ -37,7 +37,8 @@ pub(super) struct ReadySpan {
     /// The tilt from its base, µrad; not on machines that do not tilt.
     tilt: [Cubic; 2],
     tilt_base: [i32; 2],
-    /// Tip and heading from their base, mm and rad; only on machines whose joints follow them.
+    /// Tip and heading relative to their base, mm and rad; only on machines whose joints follow
+    /// them.
     place: [Cubic; PLACE_CHANNELS.len()],
     place_base: [f32; PLACE_CHANNELS.len()],
     pub(super) load: SpanLoad,
@@ -112,7 +113,7 @@ impl ReadySpan {
         }
     }
 
-    /// The span so many servo ticks after its start.
+    /// The span this many servo ticks after its start.
     #[inline(always)]
     pub(super) fn at(&self, t: f32) -> Offset<'_> {
         Offset { span: self, t }
@@ -236,7 +237,7 @@ impl MotorSpan {
         }
     }
 
-    /// At least how far it gets from its base in so many ticks.
+    /// Upper bound of its distance from its base within this many ticks.
     #[inline(always)]
     fn reach(&self, t: f32) -> f32 {
         let [c0, c1, c2, c3] = self.cubic.map(f32::abs);
