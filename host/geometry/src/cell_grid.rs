@@ -204,7 +204,7 @@ pub struct SweptRows<T> {
 }
 
 impl<T: Copy> SweptRows<T> {
-    /// Nothing swept yet; `none` is a mark that nothing else uses.
+    /// Nothing swept yet; `none` is a mark with no other use.
     pub fn of(window: &CellWindow, none: T) -> SweptRows<T> {
         SweptRows {
             first_row: window.rows[0],
@@ -212,13 +212,13 @@ impl<T: Copy> SweptRows<T> {
         }
     }
 
-    /// Comes to columns of a row: the mark and the columns that were there before.
+    /// Enters columns of a row; returns the previous mark and columns.
     pub fn come(&mut self, row: usize, mark: T, columns: [usize; 2]) -> (T, [usize; 2]) {
         std::mem::replace(&mut self.last[row - self.first_row], (mark, columns))
     }
 
-    /// Comes to columns of a row, and visits those that were not swept last in it, or all of them
-    /// if the sweep does not continue from that mark.
+    /// Enters columns of a row, and visits those that the last sweep of the row did not cover, or
+    /// all of them if the sweep does not continue from that mark.
     #[inline]
     pub fn for_new(
         &mut self,
@@ -237,9 +237,9 @@ impl<T: Copy> SweptRows<T> {
 /// Rows of one band.
 const BAND_ROWS: usize = 64;
 
-/// From here on to twice as far, whole numbers are all that there is: what is added to this is rounded
-/// to the nearest, and stands in the low bits. (`ceil` and `floor` are calls on plain x86-64, and
-/// conversions that saturate take several steps.)
+/// From here to twice this value, an `f64` has only whole numbers: a value added to this is rounded to
+/// the nearest and is in the low bits. (`ceil` and `floor` are calls on plain x86-64, and conversions
+/// that saturate take several steps.)
 const WHOLE: f64 = (1u64 << 52) as f64;
 
 /// An index as a number: from a signed integer, which is one step.
@@ -253,7 +253,7 @@ fn nearest(value: f64) -> (usize, f64) {
     ((sum.to_bits() - WHOLE.to_bits()) as usize, sum - WHOLE)
 }
 
-/// `value`, or 0 for what is below (`max` looks for what is no number as well).
+/// `value`, or 0 for lower values (`max` also tests for values that are not numbers).
 fn not_below_0(value: f64) -> f64 {
     if value > 0.0 { value } else { 0.0 }
 }

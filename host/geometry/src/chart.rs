@@ -47,8 +47,8 @@ pub trait Chart: Sync {
         SurfaceFrame::of(&self.jet(at), above_mm)
     }
 
-    /// The place over which a point lies so far above the ground, from a place near it: where the point is
-    /// nearest to that layer.
+    /// The place over which a point is this far above the surface, from a place near it: where the point
+    /// is nearest to that layer.
     fn place_of(&self, point: Vector3<f64>, near: Point2, above_mm: f64) -> Point2 {
         let mut at = near;
         let mut frame = self.frame(at, above_mm);

@@ -51,7 +51,7 @@ impl From<Turned> for Configuration {
 
 /// Where a query finds the edges that a placement may meet.
 pub trait EdgesNear {
-    /// Calls `visit` with at least each edge that meets the area; one may come more than once.
+    /// Calls `visit` with at least each edge that meets the area, possibly more than once.
     fn for_edges_near(&self, area: Box2, visit: impl FnMut(&Edge));
 }
 
@@ -128,8 +128,8 @@ fn scaled_of_gap(aperture: &Aperture, gap_mm: f64) -> f64 {
     (1.0 + gap_mm / aperture.minor_mm()).max(0.0)
 }
 
-/// The wall that comes closest to the shape or cuts it deepest, where its gap is below `limit_mm`;
-/// its direction is the plane's.
+/// The wall that is closest to the shape or cuts it deepest, if its gap is below `limit_mm`; its
+/// direction is in plane coordinates.
 fn nearest_gap(
     shape: &RoundedPolygon,
     at: Configuration,

@@ -187,8 +187,8 @@ fn equations(locals: &[([u32; 3], Local)], order: &Order, pinned: [usize; 2]) ->
     system
 }
 
-/// Adds the square of what a triangle is sheared by: of the sum of (opposite side as a complex number) times
-/// (place as a complex number), over the root of twice the area.
+/// Adds the square of a triangle's shear: of the sum of (opposite side as a complex number) times (place as
+/// a complex number), over the root of twice the area.
 fn add_shear(system: &mut Envelope, places: [usize; 3], local: &Local) {
     let weights: [Vector2; 3] = std::array::from_fn(|k| {
         let side = local.corners[(k + 2) % 3] - local.corners[(k + 1) % 3];

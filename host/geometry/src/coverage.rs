@@ -52,9 +52,9 @@ pub struct Coverage {
     pub cells: Vec<Cell>,
 }
 
-/// A pass that comes back to a place later than this covers it again, against a. The aperture is 2a
-/// long, yet on a bead it mostly stands across or oblique: less would count a tight turn as two visits,
-/// more lets beads lie over each other for nothing.
+/// A pass that returns to a place after more than this path length covers it again, against a. The
+/// aperture is 2a long, yet on a bead it is mostly across or oblique: a smaller value would count a
+/// tight turn as two visits, a larger one would let beads overlap without a penalty.
 const RETURN_SHARE: f64 = 1.5;
 
 /// Path after which a returning pass covers a place again: the definition of "laid twice" in all

@@ -51,7 +51,7 @@ pub struct EdgeIndex {
     reference_inside: OnceLock<Vec<bool>>,
 }
 
-/// Where in its cell the reference point lies: on no line that outlines are usually drawn along.
+/// Place of the reference point in its cell: not on a line along which outlines are usually drawn.
 const REFERENCE: [f64; 2] = [0.414_213_562, 0.618_033_989];
 
 impl Edge {
@@ -300,7 +300,7 @@ impl EdgeIndex {
         }
     }
 
-    /// The nearest edge, however far; `None` only where there are no edges.
+    /// The nearest edge at any distance; `None` only if there are no edges.
     pub fn nearest(&self, p: Point2) -> Option<Nearest> {
         let size = self.bounds.size();
         let to_box = (p - self.bounds.min)

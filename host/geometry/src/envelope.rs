@@ -26,7 +26,7 @@ impl Envelope {
         }
     }
 
-    /// Zeros of so many unknowns, each with those up to `width` before it.
+    /// Zeros for this many unknowns, each coupled with those up to `width` before it.
     pub fn banded(count: usize, width: usize) -> Envelope {
         Envelope::new((0..count).map(|row| row.saturating_sub(width)).collect())
     }

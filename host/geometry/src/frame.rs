@@ -26,18 +26,19 @@ const PREVAILS_SHARE: f64 = 0.05;
 const SAME_SHARE: f64 = 1e-7;
 /// Radii that differ by less count as equal, against the greatest.
 const SAME_RADIUS_SHARE: f64 = 1e-9;
-/// Most of them that are told apart; a circle of more points is the same from each.
+/// Most of them that are compared; a circle of more points is the same from each.
 const FARTHEST_MAX: usize = 1024;
-/// Most points of all ways that are alike in which the snapped coordinates are looked at; beyond that
-/// the first way is taken.
+/// Most points of all equivalent frames whose snapped coordinates are compared; beyond that the first
+/// frame is used.
 const POINTS_ALIKE_MAX: usize = 200_000;
-/// Ways from a vertex at which the boundary's radius is looked at, against the radius of the vertex.
+/// Distances from a vertex at which the boundary's radius is sampled, against the radius of the
+/// vertex.
 const WALKED_SHARES: [f64; 4] = [0.01, 0.03, 0.1, 0.3];
 /// Most edges walked to each side.
 const EDGES_WALKED_MAX: usize = 256;
 /// Coordinates are snapped on multiples of this (mm, rad): 10⁴ times what turning a part of 100 mm rounds
-/// (one coordinate in 10⁴ comes out a step beside), and no more: steps of 10⁻⁶ mm plan a sixth of the
-/// real slices another way. A power of two: round dimensions are never halfway between multiples.
+/// (one coordinate in 10⁴ ends a step off), and no more: with steps of 10⁻⁶ mm a sixth of the real slices
+/// is planned differently. A power of two: round dimensions are never halfway between multiples.
 const SETTLED: f64 = 1.0 / (1 << 27) as f64;
 /// A snapped point this near the line of its neighbours was on it: each of the three moves by up to 0.7
 /// steps.
@@ -254,8 +255,8 @@ struct Lie {
 }
 
 impl Lie {
-    /// Greater where the first moment that differs is greater, or where none does the radius at which
-    /// the boundary goes on from the vertex.
+    /// Greater if the first moment that differs is greater, or, if none differs, the radius of the
+    /// boundary after the vertex.
     fn cmp(&self, other: &Lie, exterior: &Ring) -> Ordering {
         let first_that_differs = |pairs: &mut dyn Iterator<Item = (f64, f64)>| {
             let mut differ = pairs.filter(|(m, n)| (m - n).abs() > SAME_SHARE);
@@ -275,8 +276,8 @@ impl Lie {
     }
 }
 
-/// The frame of the greatest way of all; of those that are alike (the region is symmetric, up to what
-/// its coordinates were rounded to) the one in which its snapped corners, by x and y, come first.
+/// The frame with the greatest order; of equivalent ones (the region is symmetric, up to the rounding
+/// of its coordinates) the one in which its snapped corners, by x and y, are first.
 fn first_of(lies: Vec<Lie>, region: &Region) -> Frame {
     let mut alike: Vec<Lie> = Vec::new();
     for lie in lies {
@@ -308,8 +309,8 @@ fn first_of(lies: Vec<Lie>, region: &Region) -> Frame {
     best.map_or(Frame::IDENTITY, |(frame, _)| frame)
 }
 
-/// The points of a snapped ring that are not on the line of their neighbours, up to what snapping moves
-/// them: a needless point does not choose the frame.
+/// The points of a snapped ring that are not on the line of their neighbours, up to the displacement of
+/// snapping: a redundant point must not determine the frame.
 fn corners(ring: &Ring) -> impl Iterator<Item = Point2> + '_ {
     let (points, count) = (&ring.points, ring.points.len());
     let is_corner = move |i: &usize| {
@@ -320,7 +321,7 @@ fn corners(ring: &Ring) -> impl Iterator<Item = Point2> + '_ {
     (0..count).filter(is_corner).map(move |i| points[i])
 }
 
-/// How far out the boundary is at some ways from a vertex, ahead and behind by turns, against the
+/// The boundary's radius at some distances from a vertex, ahead and behind alternately, against the
 /// radius of the vertex; ahead is counter-clockwise, in a mirror image clockwise.
 fn radii_beside(exterior: &Ring, vertex: usize, frame: &Frame) -> [f64; 8] {
     let (points, centre) = (&exterior.points, frame.centre);

@@ -18,7 +18,7 @@ use super::spline_surface::SplineSurface;
 use super::{Point2, Vector2};
 use std::sync::Arc;
 
-/// Step between the places at which the scale is taken, mm, as long as there are no more than this along an axis.
+/// Step between the places at which the scale is sampled, mm, unless there are more than this along an axis.
 const STEP_MM: f64 = 0.5;
 const STEPS_MAX: f64 = 128.0;
 /// How far the field may be off the logarithm at them, and its least pitch in steps.
@@ -165,7 +165,7 @@ pub fn contact_on_ground(
     })
 }
 
-/// Walls so near, in sizes of the aperture, may be cut by what it reaches beyond its shape.
+/// Walls this near, in sizes of the aperture, may be cut by its reach beyond its shape.
 const NEARLY: f64 = 1.1;
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use super::Point2;
 use robust::{Coord, orient2d};
 use std::cmp::Ordering;
 
-/// Which side of the line a-b point c lies on: `Greater` left, `Less` right, `Equal` on it.
+/// The side of the line a-b on which point c is: `Greater` left, `Less` right, `Equal` on it.
 pub fn orientation(a: Point2, b: Point2, c: Point2) -> Ordering {
     let [a, b, c] = [a, b, c].map(|point| Coord {
         x: point.x,

@@ -21,7 +21,7 @@ pub enum FillRule {
 /// Changes made by the repair, for the user.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RepairChanges {
-    /// The first fault that was found, `None` where all was well.
+    /// The first fault found, `None` if there was no fault.
     pub fault: Option<ValidityError>,
     /// Regions before and after.
     pub regions: [usize; 2],

@@ -16,7 +16,8 @@ use nalgebra::Vector3;
 const STIFFNESS: f64 = 1e-3;
 /// Pieces of the coarsest grid along the longer side.
 const COARSEST: f64 = 4.0;
-/// A finer grid than is needed is taken where it leaves this share, and none once so little of what is allowed is left.
+/// A finer grid than needed is used if it reduces the error to this share, and no finer one once the error is this
+/// share of the tolerance.
 const FAR_NEARER: f64 = 0.15;
 const SETTLED_SHARE: f64 = 0.02;
 /// Most rounds of the solver, and the residual against the first one at which it ends.
@@ -341,7 +342,7 @@ impl Equations {
         }
     }
 
-    /// Adds a point: the square of what the surface is off it.
+    /// Adds a point: the square of the surface's distance from it.
     fn take(&mut self, [i, j]: [usize; 2], wx: &[f64; 4], wy: &[f64; 4], z: f64) {
         for (row, py) in wy.iter().enumerate() {
             for (column, px) in wx.iter().enumerate() {

@@ -9,7 +9,7 @@ use super::edge_index::{Edge, EdgeIndex};
 use super::polygon::Box2;
 use super::{Point2, Vector2};
 
-/// An edge closer to `p` than this is taken to hold `p`, mm.
+/// An edge closer to `p` than this counts as through `p`, mm.
 const ON_EDGE_MM: f64 = 1e-9;
 /// Directions within this angle of the tangent at `p` are along the boundary, rad.
 const GRAZING_RAD: f64 = 1e-9;

@@ -47,8 +47,8 @@ pub fn turned_back(region: Region) -> Vec<Region> {
     rings.map_or_else(|| vec![region], regions_of)
 }
 
-/// The rings that edges make, each followed by the one `behind` it; `None` where two are followed by
-/// the same.
+/// The rings that edges form, each followed by its successor in `behind`; `None` if two edges have
+/// the same successor.
 fn rings_along(edges: &[(Point2, Point2)], behind: &[usize]) -> Option<Vec<Ring>> {
     let mut seen = vec![false; edges.len()];
     let mut rings = Vec::new();

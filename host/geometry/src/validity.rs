@@ -31,7 +31,7 @@ impl fmt::Display for RingName {
     }
 }
 
-/// What is wrong with a region, and where (mm, the input's coordinates).
+/// The fault of a region, and its place (mm, the input's coordinates).
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ValidityError {
     /// A coordinate is infinite or not a number.
@@ -395,8 +395,9 @@ impl Rings {
         }
     }
 
-    /// Holes inside the exterior and outside each other. Nothing crosses by now, so one point of a
-    /// hole tells, except where it touches: then every piece between touches is asked.
+    /// Holes inside the exterior and outside each other. Nothing crosses at this stage, so one
+    /// point of a hole decides, unless the hole touches: then every piece between touches is
+    /// tested.
     fn check_nesting(&self, touches: &[RingTouch]) -> Result<(), ValidityError> {
         let rings = self.first.len() - 1;
         let mut is_touched = vec![false; rings];

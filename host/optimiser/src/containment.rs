@@ -91,7 +91,7 @@ impl Placed {
         ([x, y], x * x + y * y)
     }
 
-    /// Clearance of the ellipse with semi-axes 1 and `minor` from a segment; `None` where it is far.
+    /// Clearance of the ellipse with semi-axes 1 and `minor` from a segment; `None` if it is far.
     #[inline]
     pub fn clearance(&self, minor: f64, length_mm: f64, segment: &Segment) -> Option<Clearance> {
         let ([x, y], distance2) = self.nearest([1.0, minor], segment);
@@ -123,7 +123,7 @@ impl Placed {
         Vector2::new(x * length_mm, y * length_mm)
     }
 
-    /// Clearance of a polygon with rounded corners, mm, from a segment; `None` where it is far.
+    /// Clearance of a polygon with rounded corners, mm, from a segment; `None` if it is far.
     fn clearance_of_polygon(
         &self,
         shape: &RoundedPolygon,
@@ -166,7 +166,8 @@ struct Tool<'a> {
 }
 
 impl Tool<'_> {
-    /// The box of the aperture at a pose, grown by what a span may move before edges are sought again, mm.
+    /// The box of the aperture at a pose, grown by the distance that a span may move before edges are
+    /// searched again, mm.
     fn area(self, pose: &Placed, heading_rad: f64, units: &Units) -> Box2 {
         let reach_mm = |x: f64, y: f64| {
             let support_mm = self.aperture.support_mm(heading_rad, Vector2::new(x, y));
@@ -195,7 +196,7 @@ impl Tool<'_> {
         }
     }
 
-    /// Clearance of the aperture at a pose from a segment; `None` where it is far.
+    /// Clearance of the aperture at a pose from a segment; `None` if it is far.
     #[inline]
     fn clearance(self, pose: &Placed, segment: &Segment) -> Option<Clearance> {
         match self.aperture {
@@ -248,7 +249,7 @@ pub fn segments_of(edges: impl Iterator<Item = (Point2, Point2)>, units: &Units)
 }
 
 impl<'a> Containment<'a> {
-    /// Of the aperture within the walls of a site, at so many places of each span.
+    /// Clearances of the aperture within the walls of a site, at this many places of each span.
     pub fn new(site: &Site<'a>, units: Units, knots: usize, places: usize) -> Containment<'a> {
         let (walls, aperture) = (site.walls, site.aperture);
         let segments = segments_of(walls.edges().iter().map(Edge::ends), &units);

@@ -14,18 +14,18 @@ use crate::band::System;
 use headway_geometry::aperture::Aperture;
 use headway_geometry::{Point2, Vector2};
 
-/// Way of a span below which its direction is none, a. Where it is larger a corner in which the head all but stands has no
-/// curvature, and the optimiser finds it.
+/// Length of a span below which its direction is undefined, a. With a larger value a corner in which the head almost
+/// stops has no curvature, and the optimiser exploits it.
 const STANDING: f64 = 0.0002;
 /// Excess from which the cost grows no faster: at a corner it has no bound.
 const EXCESS_LINEAR: f64 = 2.0;
 /// Difference by which the width's slope is found, rad.
 const TURN: f64 = 1e-4;
 
-/// What of the bound is used where a path is rounded before it is optimised: within it there is no way into a corner in
-/// which the head stands, where the spline has no curvature (trials).
+/// Share of the bound that is used where a path is rounded before it is optimised: within it the optimiser does not
+/// reach a corner in which the head stops, where the spline has no curvature (trials).
 const ROUNDED_SHARE: f64 = 0.85;
-/// Rounds in which knots are brought between their neighbours, and by which share of the way: a radius of some widths
+/// Rounds in which knots are moved between their neighbours, and the share of the distance: a radius of some widths
 /// takes the square of as many steps.
 const ROUNDS: usize = 4000;
 const ROUND_STEP: f64 = 0.5;

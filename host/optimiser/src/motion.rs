@@ -15,7 +15,7 @@ const PLACES: usize = 3;
 const PLACES_FROM: f64 = 0.02;
 /// Orders of derivatives: 1 velocity, 2 acceleration, 3 jerk.
 const ORDERS: usize = 4;
-/// Weights of what exceeds a limit, against the others: the tip's speed, and jerk.
+/// Weights of excesses of a limit, against the others: the tip's speed, and jerk.
 const TIP_SPEED_WEIGHT: f64 = 2.0;
 const JERK_WEIGHT: f64 = 0.3;
 /// Weight of changes of pace (w'', and this share of it w'), and of acceleration and jerk against their limits.
@@ -24,7 +24,7 @@ const PACE_BEND: f64 = 4.0;
 const PACE_SLOPE: f64 = 0.3;
 const SMOOTH_WEIGHT: f64 = 0.01;
 
-/// Inverse limits by order of derivative, in the optimiser's units; 0 where there is none.
+/// Inverse limits by order of derivative, in the optimiser's units; 0 if there is no limit.
 #[derive(Clone, Copy, Debug, Default)]
 struct Order {
     /// Of the tip, in length.

@@ -17,7 +17,7 @@ const OUTSIDE: [f64; 2] = [12e3, 240e3];
 const BLUR: [f64; 2] = [0.3, 0.08];
 /// Weight of curves beyond their bound, soft at no time (trials on a corner and on a wall as wide as its bead).
 const CURVES: f64 = 3000.0;
-/// Clearance that is kept from walls, in a; and so many times as much when hard.
+/// Clearance from walls, in a; and its factor at the hardest level.
 const MARGIN: f64 = 1.0 / 1500.0;
 const MARGIN_HARD: f64 = 1.5;
 /// Share of the iterations that are soft, steps to hard, and the share of the rest in which they are made.
@@ -38,8 +38,8 @@ const PIVOT_ADDED: f64 = 1e-7;
 const STEP_MAX: [f64; CHANNELS] = [0.25, 0.25, 0.3, 0.5];
 /// Tries of a step with growing damping.
 const TRIES: usize = 6;
-/// A step is taken that is better than the worst of so many values, though at most so far above the best: where the
-/// path returns, cost jumps a little.
+/// A step is accepted if it is better than the worst of this many values, and at most this far above the best:
+/// where the path returns, cost jumps a little.
 const REMEMBERED: usize = 4;
 const ABOVE_BEST: f64 = 1.1;
 const GAIN_MIN: f64 = 1e-7;
@@ -56,7 +56,7 @@ pub struct Hardness {
 }
 
 impl Hardness {
-    /// After so many of [`LEVELS`] steps.
+    /// After this many of [`LEVELS`] steps.
     pub fn at(level: usize) -> Hardness {
         let share = level as f64 / LEVELS as f64;
         let between = |[soft, hard]: [f64; 2]| soft * (hard / soft).powf(share);
@@ -133,7 +133,7 @@ impl Objectives<'_> {
 
 /// The state between iterations.
 pub struct Newton<'a> {
-    /// What is made small.
+    /// The minimised cost.
     pub objectives: Objectives<'a>,
     /// The passes that the knots belong to.
     pub passes: Vec<PassKnots>,
@@ -145,7 +145,7 @@ pub struct Newton<'a> {
     hardness: Hardness,
     damping: f64,
     recent: Vec<f64>,
-    /// Whether the knots are those that were swept last.
+    /// Whether the knots are the ones swept last.
     is_swept: bool,
     trial: Trial,
 }
@@ -276,7 +276,7 @@ pub fn prepare(system: &mut System, passes: &[PassKnots]) {
 }
 
 impl Trial {
-    /// The step by the damped system; false where that has none.
+    /// The step by the damped system; false if it has no solution.
     fn solve(&mut self, system: &System, damping: f64) -> bool {
         self.system.band.copy_from(&system.band);
         for unknown in 0..self.system.band.unknowns() {

@@ -24,7 +24,7 @@ pub const POSES_CHECKED: usize = 16;
 const MARGIN: f64 = 1.0 / 2000.0;
 /// Most steps; three are the rule.
 const ROUNDS: usize = 12;
-/// Half the sum of the squares of what is left at which it ends: a thousandth of the margin at any pose.
+/// Half the sum of the squared residuals at which it ends: a thousandth of the margin at any pose.
 const SETTLED: f64 = 0.5 * (1e-3 * MARGIN) * (1e-3 * MARGIN);
 /// What keeps the path where it is, against one pose's clearance: little, so that a step leaves little.
 const STIFFNESS: f64 = 1e-2;
@@ -116,7 +116,7 @@ pub fn projected(own: &[Knot], range: &PassKnots, containment: &mut Containment)
     knots
 }
 
-/// Half the squares of what is nearer to the walls than the margin, with its system.
+/// Half the squares of the distances short of the margin, with their system.
 fn evaluate(
     knots: &[Knot],
     pass: &PassKnots,

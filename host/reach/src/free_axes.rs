@@ -14,7 +14,7 @@ use crate::{Pose, Vector3};
 
 /// Caps of a search: more are given up.
 const CAPS_MAX: usize = 96;
-/// Touches of a place among which the deepest is looked for: a search meets what it left out in its next round.
+/// Touches of a place among which the deepest is searched: a search finds the others in its next round.
 const TOUCHES_LOOKED: usize = 64;
 /// By how much caps are larger than they must be, rad: rounding of a candidate on a circle.
 const ROUNDING_RAD: f64 = 1e-7;
@@ -44,7 +44,8 @@ pub struct Place {
 pub enum Found {
     /// The nearest free axis.
     Free(Vector3),
-    /// There is none. The collision nearest to the desired axis: indices of place and point.
+    /// There is no free axis. The collision nearest to the desired axis: indices of place and
+    /// point.
     None {
         /// Of the places.
         place: usize,
@@ -133,7 +134,8 @@ fn worst(head: &Head, standing: &Standing, places: &[Place], axis: Vector3) -> O
     Some(Worst { cap, place, point })
 }
 
-/// The axis nearest to the wish outside of all caps and inside of all cones; `None` where there is none.
+/// The axis nearest to the desired one outside of all caps and inside of all cones; `None` if there is
+/// no such axis.
 fn best_candidate(wish: Vector3, caps: &[Cap], within: &[Cap]) -> Option<Vector3> {
     // By the squares of chords: exact for small angles too.
     let outside: Vec<f64> = caps
@@ -177,7 +179,7 @@ fn best_candidate(wish: Vector3, caps: &[Cap], within: &[Cap]) -> Option<Vector3
     best.map(|(_, axis)| axis)
 }
 
-/// The square of the chord of an angle, which is cut to what angles there are.
+/// The square of the chord of an angle, which is clamped to the possible range.
 fn chord2(angle_rad: f64) -> f64 {
     let half = 2.0 * (0.5 * angle_rad.clamp(0.0, std::f64::consts::PI)).sin();
     half * half

@@ -68,7 +68,7 @@ pub(crate) enum Content {
     Points(usize),
 }
 
-/// Set where a link is that of points.
+/// Set if a link is one of points.
 const HAS_POINTS: u32 = 1 << 31;
 
 /// Points of a tree at most.
@@ -84,7 +84,8 @@ impl Content {
     }
 }
 
-/// Some points' places, by coordinate: a quick look at all of them. What is no point comes last of all.
+/// Some points' places, by coordinate, for a quick test of all of them. Unused places are later than
+/// any point.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Block {

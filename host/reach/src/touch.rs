@@ -45,7 +45,7 @@ struct Motion {
     turned_rad: f64,
 }
 
-/// A pose that may move, with what each look at a box or a point needs of it.
+/// A pose that may move, with the values that each test of a box or a point needs.
 struct Look {
     pose: Pose,
     motion: Motion,
@@ -84,7 +84,7 @@ impl Look {
     }
 }
 
-/// A box that waits for a look into it, and how far its places are turned, mm.
+/// A box that waits to be opened, and how far its places are turned, mm.
 #[derive(Clone, Copy, Default)]
 struct Waiting {
     link: u32,
@@ -113,7 +113,7 @@ impl Head<'_> {
         self.first_touches(standing, pose, before, TOUCHES_MAX, on);
     }
 
-    /// The same for so many points at most.
+    /// The same for at most this many points.
     pub(crate) fn first_touches(
         &self,
         standing: &Standing,
@@ -182,8 +182,8 @@ impl Head<'_> {
         is_clear
     }
 
-    /// Calls `on` for each point that is touched after at most that motion, until it breaks. What is near the axis
-    /// comes first.
+    /// Calls `on` for each point that is touched after at most that motion, until it breaks. Points near the axis
+    /// are first.
     fn each(
         &self,
         standing: &Standing,
@@ -284,7 +284,7 @@ impl Head<'_> {
             && from_axis_mm - across_mm < self.profile.radius_mm(height_mm + along_mm)
     }
 
-    /// How a box is seen; `None` where the head holds no place of its discs.
+    /// The view of a box; `None` if the head contains no place of its discs.
     #[inline]
     fn may_hold(&self, node: &Node, look: &Look) -> Option<Seen> {
         let away = node.middle_mm() - look.pose.tip_mm;
@@ -355,7 +355,7 @@ impl Head<'_> {
             })
     }
 
-    /// Bits of those of a block's points that the head may hold, of those that stand.
+    /// Bits of a block's printed points that the head may contain.
     #[inline]
     fn may_hold_of(&self, block: &Block, before: u32, look: &Look, turned_mm: f64) -> u32 {
         let [up_mm, aside_mm] = look.grown_by(turned_mm + look.rounding_mm);

@@ -21,7 +21,7 @@ const STEPS_MAX: usize = 20;
 const MEAN_END: f64 = 1e-4;
 /// Violation at which a row counts as kept; the check of the finished segments is exact.
 const VIOLATION_END: f64 = 2e-3;
-/// Largest violation of a result that is taken where none was worse before.
+/// Largest violation of an accepted result if none was worse before.
 const VIOLATION_MAX: f64 = 0.01;
 /// Slack and complementarity to begin with.
 const SLACK_FIRST: f64 = 0.1;
@@ -142,7 +142,7 @@ impl Iterate {
 }
 
 impl RowState {
-    /// A slack; what a jerk's true bound leaves more than its tangent is taken as well.
+    /// A slack; the excess of a jerk's true bound over its tangent is used as well.
     fn set_slack(&mut self, slack: f64) {
         self.slack = slack.max(-self.excess);
         self.per_slack = self.slack.recip();

@@ -4,8 +4,8 @@
 
 use std::ops::Range;
 
-/// Share of a violation that one round leaves: from a motion far beyond a limit the least time
-/// lies far away, where its fit is no guide.
+/// Share of a violation that one round keeps: from a motion far beyond a limit the least time is
+/// far away, where its fit is unreliable.
 const VIOLATION_LEFT: f64 = 0.35;
 /// Room that a row gets which sees coefficients that are held.
 const HELD_ROOM: f64 = 1e-3;
@@ -34,7 +34,7 @@ impl Row {
         (sum - bound, [w0 + 0.5 * bound / b, w1, w2])
     }
 
-    /// Raises the bound to what a motion beyond it may keep in one round.
+    /// Raises the bound to the violation that one round keeps.
     fn relaxed(&mut self, at: &[f64; 3], sees_held: bool) {
         let root = if self.is_jerk { at[0].sqrt() } else { 1.0 };
         let used = (self.excess(at).0 * root) + self.bound;

@@ -9,7 +9,7 @@ const CELL: f64 = 0.8;
 /// Half the width of the smooth step at the edge of the sweep, in a, and at most in b.
 const EDGE_HALF: f64 = 1.0 / 6.0;
 const EDGE_HALF_MINOR: f64 = 0.6;
-/// Half the path over which a return grows from none to a full visit, in a.
+/// Half the path over which a return increases from no visit to a full one, in a.
 const RETURN_RAMP: f32 = 0.5;
 /// Most cells of the box about the region: beyond that they grow, to the half width of the edge at most.
 const CELLS_MAX: f64 = 60e6;
@@ -293,7 +293,7 @@ impl Seen {
 }
 
 impl Visits {
-    /// None yet; a return counts after `return_path`, in a.
+    /// No visits yet; a return counts after `return_path`, in a.
     pub fn new(cells: usize, return_path: f32) -> Visits {
         Visits {
             newest: vec![Visit::NONE; cells],

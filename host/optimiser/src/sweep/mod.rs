@@ -31,7 +31,8 @@ use super::tool_scale::ToolScale;
 
 /// Poses of a span.
 const POSES_A_SPAN: usize = 2;
-/// Where the direction of motion is taken at the ends of a pass, where it may be at rest.
+/// Parameter at which the direction of motion is evaluated at the ends of a pass, where it may be
+/// at rest.
 const END_SHARE: f64 = 0.05;
 /// A pose nearer to the previous one than this, in a, a turn by its arc, is skipped.
 const STEP_MIN: f32 = 1.0 / 15.0;
@@ -39,18 +40,19 @@ const STEP_MIN: f32 = 1.0 / 15.0;
 const BETWEEN_PASSES: f32 = 20.0;
 /// A contact this far inside a neighbouring pose (of the squared gauge) is the nearest place, not the farthest.
 const NEAREST: f32 = 4e-3;
-/// Contacts are joined up to so many times the motion of the aperture, and a share of a.
+/// Contacts are joined up to this multiple of the motion of the aperture, plus a share of a.
 const JOIN_REACH: f32 = 1.5;
 const JOIN_SLACK: f32 = 0.05;
 /// Normals of joined contacts differ by less than 60°.
 const JOIN_COSINE: f32 = 0.5;
-/// What joins them rises along the normals by less than this share of its length.
+/// The line that joins them rises along the normals by less than this share of its length.
 const JOIN_SLOPE: f32 = 0.5;
-/// How much of the squared gauge an outline point may lie inside a neighbour and still be visible, at most and by
-/// the motion between the two.
+/// Depth in squared gauge at which an outline point inside a neighbour is still visible, at most and per motion
+/// between the two.
 const HIDDEN_MAX: f32 = 0.1;
 const HIDDEN_SHARE: f32 = 0.5;
-/// Outline points around a contact that the strips on both its sides stand for, each way and in all, of 32.
+/// Outline points around a contact that the strips on both its sides represent, in each direction and in
+/// all, of 32.
 const OWN_EACH: usize = 9;
 const OWN_ALL: usize = 7;
 const OWN_OF: usize = 32;

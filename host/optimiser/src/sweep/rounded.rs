@@ -10,7 +10,8 @@ use headway_geometry::Vector2;
 use headway_geometry::rounded_polygon::{RoundedPolygon, row_range};
 use std::f32::consts::{PI, TAU};
 
-/// Most turn of the normal between two points of an arc, rad, and most way between two points of a side, in a.
+/// Largest turn of the normal between two points of an arc, rad, and largest distance between two points of a
+/// side, in a.
 const ARC_STEP: f32 = TAU / 24.0;
 const SIDE_STEP: f32 = 0.3;
 

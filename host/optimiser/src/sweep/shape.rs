@@ -11,11 +11,12 @@ use headway_geometry::aperture::Aperture;
 pub const OUTLINE_MAX: usize = 256;
 /// Most contacts of one pose with the envelope.
 pub const CONTACTS_MAX: usize = 8;
-/// What of the edge's half width is left off the aperture for its inside: beyond, cover is full.
+/// Share of the edge's half width by which the inside is smaller than the aperture: within it,
+/// cover is full.
 const RIM_SHARE: f32 = 0.85;
-/// How deep the inside may be left out between two marks of it, in half widths.
+/// Depth of the inside that may be missed between two of its marks, in half widths.
 const SCALLOP_SHARE: f32 = 0.35;
-/// What a strip sees below that, in half widths, and the most that a sharp corner's tip may lie above the inside.
+/// Depth of a strip below that, in half widths, and the largest height of a sharp corner's tip above the inside.
 const SPARE_SHARE: f32 = 0.05;
 const TIP_MAX: f32 = 4.0;
 /// Most motion between two marks, in a, and the least.
@@ -88,7 +89,8 @@ impl Inside {
 }
 
 impl Shape {
-    /// The aperture in units of its own a, for an edge of this half width; `None` for one that cannot be done.
+    /// The aperture in units of its own a, for an edge of this half width; `None` if the sweep does not
+    /// support it.
     pub fn of(aperture: &Aperture, edge_half: f32) -> Option<Shape> {
         let (major_mm, minor_mm) = (aperture.major_mm(), aperture.minor_mm());
         let minor = minor_mm / major_mm;

@@ -60,7 +60,7 @@ struct Strip {
 }
 
 impl Strip {
-    /// Between two contacts; `None` where they coincide.
+    /// Between two contacts; `None` if they coincide.
     fn between(a: &Contact, b: &Contact) -> Option<Strip> {
         let chord = [b.at[0] - a.at[0], b.at[1] - a.at[1]];
         let length2 = dot(chord, chord);
@@ -90,7 +90,7 @@ impl Strip {
     }
 
     /// Distance of a point beyond the envelope, the mean of those to the chord and to the tangents (right to second
-    /// order), and its place from the first contact to the second; `None` where it is not between their normals.
+    /// order), and its place from the first contact to the second; `None` if it is not between their normals.
     #[inline]
     fn distance(&self, x: f32, y: f32) -> Option<[f32; 2]> {
         let [a, b] = &self.ends;
