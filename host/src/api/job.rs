@@ -71,7 +71,7 @@ impl Job {
         })
     }
 
-    /// A job that was planned just now: read back, so that what is handed out is what the file holds.
+    /// A job just planned: read back, so that the caller gets exactly the file's contents.
     pub(super) fn planned(
         bytes: Vec<u8>,
         figures: Figures,

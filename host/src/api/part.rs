@@ -43,7 +43,7 @@ impl Default for Reading {
     }
 }
 
-/// What is to be printed, checked, in its own coordinates.
+/// The part to print, checked, in its own coordinates.
 #[derive(Clone, Debug)]
 pub struct Part {
     pub(super) what: What,

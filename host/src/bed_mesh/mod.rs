@@ -155,7 +155,7 @@ impl BedMesh {
     }
 }
 
-/// Looks at every span as the board will when it arrives.
+/// Checks every span as the board will on arrival.
 fn check(stream: &SegmentStream, machine: &MachineConfiguration) -> Result<(), BedMeshError> {
     let machine = stream.machine(machine);
     let mut loads = LoadModel::new(&machine);

@@ -136,7 +136,7 @@ impl Curve {
     }
 
     /// The blossom of a span at three knots, channel units: the control point that they belong to. The last
-    /// knot first: where nothing was put in every share is 1, and the point is the old one to the bit.
+    /// knot first: if no knot was inserted every share is 1, and the point equals the old one bit for bit.
     fn blossom(&self, span: usize, knots: [f64; 3]) -> ChannelPoint {
         let mut points = [0, 1, 2, 3].map(|i| self.control[span + i]);
         for (round, knot) in knots.into_iter().enumerate() {

@@ -123,7 +123,7 @@ pub enum CalibrationError {
     Machine {
         /// The value.
         value: f64,
-        /// What is wrong.
+        /// The error.
         error: SettingsError,
     },
 }

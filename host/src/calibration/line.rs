@@ -10,7 +10,7 @@ use nalgebra::{Point3, Unit, Vector3};
 /// One line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
-    /// What it is, in a few words.
+    /// Its description, in a few words.
     pub what: String,
     /// Its value, in the pattern's unit; `None` for a mark.
     pub value: Option<f64>,
@@ -53,7 +53,7 @@ impl Line {
         }
     }
 
-    /// Stands for a value.
+    /// Assigns a value to the line.
     pub(super) fn of_value(mut self, value: f64) -> Line {
         self.value = Some(value);
         self

@@ -103,7 +103,7 @@ pub struct Pattern {
 /// One of a pattern's jobs.
 #[derive(Clone, Debug)]
 pub struct PatternJob {
-    /// The value that its machine has; `None` where the machine is the one given.
+    /// The value of its machine; `None` if the machine is the given one.
     pub value: Option<f64>,
     /// Its lines.
     pub run: WaypointRun,

@@ -81,7 +81,7 @@ pub(super) fn ringing(asked: &Asked, settings: &Settings) -> Result<Drawn, Calib
 pub(super) const CHANGE: &str = "`[shaper.x]` and `[shaper.y]`: `kind = \"mzv\"`, `frequency_hz` and `damping` as read; \
      `headway machine check` tells what it does to corners";
 
-/// A machine that is shaped already shows what is left.
+/// On a machine with a shaper, the pattern shows the remaining ringing.
 pub(super) fn shaped_note(settings: &Settings) -> Option<String> {
     let shapers = settings.machine.shapers.iter();
     let is_shaped = shapers

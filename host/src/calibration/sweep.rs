@@ -159,7 +159,7 @@ impl Shake {
     }
 }
 
-/// The highest frequency whose amplitude is still made of steps.
+/// The highest frequency whose amplitude still has steps.
 fn highest(shake: &Shake) -> f64 {
     let mut hz = ASKED_HZ[0];
     while hz < ASKED_HZ[1] && shake.amplitudes_mm(hz + 0.5)[1] >= STEPS_LEAST * shake.step_mm {

@@ -120,7 +120,7 @@ pub(super) fn nozzle(asked: &Asked, settings: &Settings) -> Result<Drawn, Calibr
     })
 }
 
-/// The length of now; a machine that has none, or several numbers in its place, is refused.
+/// The present length; a machine without one, or with several numbers in its place, is refused.
 fn pivot_length_mm(settings: &Settings) -> Result<f64, CalibrationError> {
     let several = |kinematics, key| Err(CalibrationError::SeveralNumbers { kinematics, key });
     match settings.machine.kinematics {

@@ -34,7 +34,7 @@ const ROOM_PATIENCE: Duration = Duration::from_secs(2);
 /// A connection.
 struct Line {
     transport: Box<dyn Transport>,
-    /// What it has not taken yet.
+    /// Bytes that it has not received yet.
     unsent: Vec<u8>,
     /// Its own conversation, while it is not the first one.
     receiver: Receiver,
@@ -61,7 +61,8 @@ impl Lines {
         self.first = None;
     }
 
-    /// Lets in who has come; where there is no place, who was silent longest goes, never the first one.
+    /// Accepts new connections; if there is no free place, the one that was silent longest is closed,
+    /// never the first one.
     pub(super) fn accept(
         &mut self,
         listener: &Listener,

@@ -1,10 +1,10 @@
 //! The board's own checks of a finished job, made before the job is written.
 //!
-//! In: the pieces of a stream (integer units, servo ticks) as they come, the machine. Out: the first fault that a
-//! board would latch, with its time and place, or none. The firmware library runs the job servo tick by servo tick at
-//! the planned path rate: demands of each span, ranges of the joints, rate and acceleration of the extruder with
-//! pressure advance, primes and retracts together. Its step programs are not executed, so that no step is made. Not
-//! covered: the line, overrides, heaters and inputs, which a plan does not contain.
+//! In: the pieces of a stream (integer units, servo ticks) in order, the machine. Out: the first fault that a board
+//! would latch, with its time and place, or none. The firmware library runs the job servo tick by servo tick at the
+//! planned path rate: demands of each span, ranges of the joints, rate and acceleration of the extruder with pressure
+//! advance, primes and retracts together. Its step programs are not executed, so that no step is made. Not covered:
+//! the line, overrides, heaters and inputs, which a plan does not contain.
 
 use crate::job::SegmentStream;
 use headway_firmware::configuration::homing::HomingConfiguration;
@@ -22,8 +22,8 @@ use headway_protocol::segment::FlowEvent;
 use headway_protocol::units::{CHANNEL_X, CHANNELS, Units};
 use std::collections::VecDeque;
 
-/// How long the end of a job is waited for behind its last segment, s: a start waits a second at most, and what
-/// shapers and pressure advance still hold takes less.
+/// Longest wait for the end of a job after its last segment, s: a start waits a second at most, and the delay
+/// of shapers and pressure advance is shorter.
 const END_MAX_S: u64 = 10;
 
 /// Why a board would not run a job to its end.
@@ -72,7 +72,7 @@ struct Board {
     window: SpanWindow,
     winding: Winding<f32>,
     servo_hz: u64,
-    /// Segment time of what was sent.
+    /// Segment time sent so far.
     sent_ticks: u64,
     /// Pending spans: when each begins and where, in the stream's units.
     places: VecDeque<(u64, [i64; CHANNELS])>,
@@ -139,7 +139,7 @@ impl Board {
         })
     }
 
-    /// Sends a piece as fast as it is taken.
+    /// Sends a piece as fast as it is accepted.
     fn run(&mut self, piece: &SegmentStream) -> Result<(), Refused> {
         let mut events = piece.events.as_slice();
         let mut sent = 0;
@@ -230,7 +230,7 @@ impl Board {
         self.refused_at(refusal, ticks, at_mm)
     }
 
-    /// In the span that was sent last, or in what is due with it.
+    /// A fault in the last span sent, or in the events due with it.
     fn refused_ahead(&self, fault: SpanFault) -> Refused {
         let refusal = Refusal::Fault(fault_of(fault));
         self.refused_at(

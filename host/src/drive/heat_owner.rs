@@ -14,7 +14,8 @@ pub struct HeatOwner {
     fan: bool,
     /// The extruder may turn cold.
     cold: bool,
-    /// Orders of each heater, of the fan and of that leave that were given and not taken yet.
+    /// Commands of each heater, of the fan and of the cold-extrusion permission that were sent and
+    /// not accepted yet.
     given: [u8; HEATERS_MAX + 2],
 }
 
@@ -73,7 +74,7 @@ impl HeatOwner {
         }
     }
 
-    /// A new conversation begins: no more commands of the last one will be accepted.
+    /// A new conversation begins: commands of the last one will no longer be accepted.
     pub fn begin(&mut self) {
         self.given = [0; HEATERS_MAX + 2];
     }

@@ -1,7 +1,7 @@
 //! Joint positions along a stream, continuous: from channels in order of time, mm and rad.
 //!
-//! Joints that turn without end come out of the inverse kinematics within half a turn; the track counts
-//! their turns as the controller does, from the same start.
+//! The inverse kinematics gives joints that turn without end within half a turn; the track counts their
+//! turns as the controller does, from the same start.
 
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics, MachineConfiguration};
 use headway_firmware::kinematics::inverse;

@@ -26,8 +26,8 @@ use std::f64::consts::TAU;
 
 /// Half width of the central differences: rounding gives 10⁻⁶ of an acceleration, truncation less.
 const DIFFERENCE_S: f64 = 2e-4;
-/// Looks per servo tick: for what has its extremes between ticks and is not a channel itself (the
-/// tip's speed, joints of machines that tilt, primes).
+/// Samples per servo tick: for quantities that have their extremes between ticks and are not
+/// channels themselves (the tip's speed, joints of machines that tilt, primes).
 const LOOKS_PER_TICK: u32 = 2;
 /// A ratio and its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -168,7 +168,7 @@ fn delay_ticks_of(settings: &Settings) -> u32 {
     advance_centre_ticks(&settings.machine.extruder, settings.machine.servo_hz)
 }
 
-/// Looks in the window of the extruder's pressure advance.
+/// Samples in the window of the extruder's pressure advance.
 fn window_looks(settings: &Settings) -> usize {
     let window_s = settings.machine.extruder.pressure_advance_window_ms * 1e-3;
     let window_ticks = (window_s * f64::from(settings.machine.servo_hz)).round();
@@ -210,7 +210,7 @@ struct Sampler<'a> {
     events: VecDeque<(f64, FlowEvent)>,
     /// Volume rates over the last window, `LOOKS_PER_TICK` a tick.
     window: VecDeque<VolumeRate>,
-    /// Looks that everything else waits for the advance.
+    /// Samples by which everything else is delayed for the advance.
     delay_looks: usize,
     figures: LimitFigures,
 }
@@ -245,8 +245,8 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Every look of one span: its start from this side, then to its end, and where the channels'
-    /// velocities have their extremes.
+    /// All samples of one span: its start from this side, then to its end, and the extremes of the
+    /// channels' velocities.
     fn span(&mut self, span: &Span) {
         let looks = u32::from(span.duration_ticks) * LOOKS_PER_TICK;
         let edge = 2 * (self.window.len() as u32 + self.delay_looks as u32) + LOOKS_PER_TICK;
@@ -269,7 +269,7 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// These looks of a span, of which the last is its end.
+    /// These samples of a span, of which the last is its end.
     fn looks(&mut self, span: &Span, range: std::ops::RangeInclusive<u32>, looks: u32) {
         for look in range {
             let local = f64::from(look) / f64::from(LOOKS_PER_TICK);
@@ -394,7 +394,7 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Volume rates at the last so many looks of these spans; nothing moves before them.
+/// Volume rates at the last samples of these spans, as many as given; nothing moves before them.
 fn window_behind(spans: &[Span], looks: usize, servo_hz: f64) -> VecDeque<VolumeRate> {
     let mut window = VecDeque::with_capacity(looks + 1);
     let last_first = spans.iter().rev().flat_map(|span| {
@@ -436,7 +436,7 @@ impl Moment {
         }
     }
 
-    /// First to third time derivative of every joint. A pose without joints gives none.
+    /// First to third time derivative of every joint. A pose without joints has none.
     pub(crate) fn joint_derivatives(&self, kinematics: &Kinematics) -> [[f64; JOINTS_MAX]; 3] {
         let mut derivatives = [[0.0; JOINTS_MAX]; 3];
         if matches!(kinematics, Kinematics::Planar) {

@@ -71,7 +71,7 @@ impl Default for LinkSpec {
     }
 }
 
-/// What is wrong with a `--link` text.
+/// An error of a `--link` text.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum LinkSpecError {
     /// Not `key=value`.
@@ -115,7 +115,7 @@ impl std::str::FromStr for LinkSpec {
     type Err = LinkSpecError;
 
     /// Reads `drop=0.01,flip=1e-5,dup=0.001,delay=2ms,stall=2s@5s,pull=1s@20s,baud=115200`; `stall`
-    /// and `pull` may come several times.
+    /// and `pull` may be given several times.
     fn from_str(text: &str) -> Result<Self, LinkSpecError> {
         let mut spec = LinkSpec::default();
         for part in text
@@ -299,7 +299,7 @@ impl Line {
         });
     }
 
-    /// Reserves the line's time for so many bytes and returns when they begin to leave.
+    /// Reserves the line's time for this many bytes and returns when they begin to leave.
     fn occupy(&mut self, now_us: u64, bytes: usize) -> u64 {
         let mut start_us = self.free_us.max(now_us);
         let stalls = &self.spec.stalls;

@@ -175,7 +175,7 @@ pub struct LogText {
     pub entries: Vec<Entry>,
 }
 
-/// What is wrong with a log.
+/// An error of a log.
 #[derive(Debug, Error)]
 pub enum LogError {
     /// Reading failed.
@@ -189,7 +189,7 @@ pub enum LogError {
     Line {
         /// Line from 1.
         line: usize,
-        /// What is wrong.
+        /// The error.
         why: &'static str,
     },
     /// No stream began.

@@ -124,13 +124,13 @@ pub struct Patience {
     state: Option<SenderState>,
     wait: Wait,
     since_us: u64,
-    /// What pauses have taken since the last span that was done.
+    /// Duration of pauses since the last executed span.
     paused_us: u64,
     /// Since when a command waits, the board is at something else.
     command: Option<(u16, u64)>,
     gone_us: Option<u64>,
-    /// Since when the line is away, or comes and goes without anything being reached; whether it is there,
-    /// and since when.
+    /// Since when the line is lost, or connects and drops without progress; whether it is connected, and
+    /// since when.
     lost_us: Option<u64>,
     is_open: bool,
     opened_us: u64,
@@ -186,7 +186,7 @@ impl Patience {
         }
     }
 
-    /// What is waited for in this state of things; `None` if nothing is.
+    /// The event that is waited for in this state; `None` if there is none.
     fn wait_of(&self, sender: &Sender, status: Option<&Status>) -> Option<Wait> {
         // A board that heats watches its heaters itself.
         let is_paused = status.is_some_and(|status| {
@@ -235,8 +235,8 @@ impl Patience {
         self.overdue(now_us, self.since_us, bound_us, wait, sender)
     }
 
-    /// A line that comes back lets everything wait anew, since what was said may have been lost; a line that
-    /// comes and goes, so that nothing is ever reached, counts as away since it first went.
+    /// A line that returns restarts every wait, since messages may have been lost; a line that connects and
+    /// drops without progress counts as lost since it first dropped.
     fn look_at_line(&mut self, now_us: u64, sender: &Sender, open: bool) -> Option<Overdue> {
         if open && !self.is_open {
             self.opened_us = now_us;

@@ -36,7 +36,7 @@ pub struct PauseHeat {
 }
 
 impl PauseHeat {
-    /// Heat ends after so many minutes of pause.
+    /// Heat ends after this many minutes of pause.
     pub fn new(most_min: f64) -> PauseHeat {
         PauseHeat {
             most_us: (most_min.max(0.0) * US_PER_MIN) as u64,

@@ -30,12 +30,12 @@ pub const POLL_INTERVAL_US: u64 = 5_000;
 /// Silence after which the controller's status is queried.
 const KEEP_ALIVE_US: u64 = 200_000;
 /// Time without an acknowledgement after which one is requested while the stream waits for credits
-/// or for its end: news of them may have been lost. The queue is full then, and credits come by
-/// themselves as it empties, so this is rarely needed; every question takes a twelfth of a block.
+/// or for its end: news of them may have been lost. The queue is full then, and credits arrive
+/// unrequested as it empties, so this is rarely needed; every request costs a twelfth of a block.
 const KEEP_ALIVE_WAITING_US: u64 = 250_000;
-/// Time after which a waiting host sends a message, whatever it receives: a board that heats counts only
-/// what it hears, and switches off after 30 s ([`headway_firmware::heat::HOST_SILENT_S`]). Six times in
-/// that.
+/// Time after which a waiting host sends a message, whatever it receives: a board that heats watches
+/// only the frames that it receives, and switches off after 30 s
+/// ([`headway_firmware::heat::HOST_SILENT_S`]). Six times in that.
 const SAY_SOMETHING_US: u64 = 5_000_000;
 /// Unanswered control messages after which every other one is a greeting.
 const TRIES_BEFORE_HELLO: u32 = 2;
@@ -63,7 +63,7 @@ pub struct Sender {
     commands: VecDeque<Control>,
     events: VecDeque<SenderEvent>,
     first_sequence: u32,
-    /// Frames before this one were taken.
+    /// Frames before this one were accepted.
     acknowledged: usize,
     /// Frame to send next.
     cursor: usize,
@@ -347,7 +347,7 @@ impl Sender {
         encode_frame(outstanding.sequence, &message, out).ok()
     }
 
-    /// Puts a greeting before the next repeat of what waits for an answer.
+    /// Sends a `Hello` before the next repeat of the message that waits for an answer.
     fn greet_next(&mut self) {
         if let Some(outstanding) = &mut self.outstanding {
             outstanding.tries = TRIES_BEFORE_HELLO + 1;

@@ -107,7 +107,7 @@ impl Sender {
         streams && job != Some(self.frames.job()) && !self.outstanding.as_ref().is_some_and(ends)
     }
 
-    /// Goes on with a stream that the controller already has in part.
+    /// Continues a stream that the controller already has in part.
     fn resume(&mut self, stream: &OpenStream) {
         self.first_sequence = stream.first_sequence;
         let taken = stream.next_sequence.wrapping_sub(stream.first_sequence) as usize;

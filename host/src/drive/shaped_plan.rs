@@ -25,7 +25,7 @@ pub(super) struct ShapedPlan<'a> {
     machine: &'a MachineConfiguration,
     /// Weights and places, servo ticks later than now (negative: earlier), of every shaped joint.
     taps: Vec<(usize, Vec<(f64, f64)>)>,
-    /// The plan around now; now is at `behind`.
+    /// The plan around the present sample, which is at `behind`.
     around: VecDeque<PlanSample>,
     behind: usize,
     off_path_mm: f64,

@@ -27,12 +27,12 @@ use thiserror::Error;
 
 /// How much the sender keeps on the line ahead: control messages wait no longer than this.
 const LINE_AHEAD_US: u64 = 2_000;
-/// Servo ticks run after the end, so that the last steps are out and pressure advance has forgotten the
-/// motion: a volume half a step above a whole one, but for a part in ten thousand, ended a step too far
-/// in a slice whose last spans moved it by a unit.
+/// Servo ticks run after the end, so that the last steps are made and pressure advance no longer
+/// depends on the motion: with fewer, a slice whose volume was half a step above a whole one, up to a
+/// part in ten thousand, and whose last spans moved it by a unit, ended a step too far.
 const TAIL_TICKS: usize = 16 + ADVANCE_WINDOW_TICKS_MAX;
-/// Silence that means that nothing will come any more: longer than any retry; outages of the line
-/// do not count.
+/// Silence after which nothing more will arrive: longer than any retry; outages of the line do not
+/// count.
 const STUCK_S: f64 = 60.0;
 
 /// Setup of the simulation.

@@ -17,7 +17,7 @@ use std::time::Duration;
 const SYNC: Duration = Duration::from_secs(1);
 /// What waits in memory at most before it is written.
 const BUFFER_BYTES: usize = 8192;
-/// How far back a whole line is looked for: longer than any.
+/// Bytes at the end in which a whole line is searched: longer than any line.
 const TAIL_BYTES: u64 = 300_000;
 
 /// A buffered file.
@@ -25,7 +25,7 @@ const TAIL_BYTES: u64 = 300_000;
 pub struct SyncedFile {
     file: File,
     buffer: Vec<u8>,
-    /// Line that ends a file which could not be written to its end; none is left once it is there.
+    /// Line that ends a file which could not be written to its end; `None` once it is written.
     last_words: Option<&'static str>,
     /// Result of syncing.
     lost: Arc<Mutex<Option<io::Error>>>,

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 
 /// Share of a limit at which it counts as reached: what the time law and the fit leave below it.
 const AT_LIMIT: f64 = 0.9;
-/// Way of a place, mm: about the width of the widest bead.
+/// Path length of a place, mm: about the width of the widest bead.
 const PLACE_MM: f64 = 1.0;
 /// Maximum number of points of a span that are evaluated: every tick of all that do not crawl.
 const LOOKS_A_SPAN: u16 = 512;

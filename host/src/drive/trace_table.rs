@@ -18,7 +18,7 @@ use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::io::{self, Write};
 
-/// Time over which the tip's speed is taken: 12 um of a step are 1.2 mm/s.
+/// Time over which the tip's speed is measured: 12 um of a step are 1.2 mm/s.
 const SPEED_WINDOW_S: f64 = 0.01;
 
 /// One servo tick of the trace.

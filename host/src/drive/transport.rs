@@ -24,23 +24,23 @@ pub const BAUD_DEFAULT: u32 = 1_000_000;
 
 /// A line of bytes.
 pub trait Transport: Send {
-    /// Waits a moment for bytes and returns how many came; 0 if none did.
+    /// Waits a moment for bytes and returns how many arrived; 0 if none did.
     ///
     /// # Errors
-    /// The line is gone.
+    /// The line is lost.
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize>;
 
     /// Sends all bytes.
     ///
     /// # Errors
-    /// The line is gone.
+    /// The line is lost.
     fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
 
     /// Sends as many bytes as there is room for and returns how many; all, if a line cannot report
     /// it.
     ///
     /// # Errors
-    /// The line is gone.
+    /// The line is lost.
     fn send_some(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.send(bytes).map(|()| bytes.len())
     }
@@ -57,7 +57,7 @@ pub enum Port {
     Unix(PathBuf),
 }
 
-/// What is no port.
+/// A text that does not name a port.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum PortError {
     /// Nothing there.

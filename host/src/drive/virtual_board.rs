@@ -86,7 +86,7 @@ impl VirtualBed {
 /// Width of the index mark of a joint without ends: 3 mm at a radius of 60 mm.
 const INDEX_RAD: f64 = 0.05;
 
-/// The joint that comes down to it.
+/// The joint that moves down to it.
 const Z: usize = 2;
 
 /// Follows the steps.
@@ -156,13 +156,13 @@ pub struct VirtualBoard {
     lines: Lines,
     begun: Instant,
     ticks_done: u64,
-    /// Keeps settings that come, if it can.
+    /// Stores received settings, if possible.
     store: Option<SettingsWriter>,
     drivers: Option<(DriverService, VirtualDrivers)>,
 }
 
-/// What a round of the board's main loop works with. Its lines are looked after between rounds, since hosts change
-/// places on them ([`Lines`]).
+/// The surroundings of a round of the board's main loop. Its lines are served between rounds, since hosts are
+/// exchanged on them ([`Lines`]).
 struct Around<'a> {
     heaters: &'a mut VirtualHeaters,
     drivers: &'a mut Option<(DriverService, VirtualDrivers)>,
@@ -281,7 +281,7 @@ impl VirtualBoard {
         &self.machine
     }
 
-    /// What it has done so far.
+    /// Its figures so far.
     pub fn figures(&self) -> BoardFigures {
         let motion = self.machine.motion();
         BoardFigures {

@@ -1,7 +1,7 @@
 //! TMC2209 drivers without hardware: registers that are accessed by datagrams, with faults that can
 //! be injected.
 //!
-//! In: bytes as they come off the wire. Out: replies. Written from the data sheet (rev. 1.09, chapters 4 and 5)
+//! In: bytes as received from the wire. Out: replies. Written from the data sheet (rev. 1.09, chapters 4 and 5)
 //! without code of the firmware; the checksum is that of the `crc` crate. The virtual board uses it, and in the
 //! tests a wire simulated by its levels. Not covered: currents and motors.
 
@@ -10,7 +10,7 @@ use headway_firmware::configuration::drivers::{DriverConfiguration, DriversConfi
 use headway_firmware::drivers::DriverPort;
 use std::collections::BTreeMap;
 
-/// x⁸ + x² + x + 1, each byte's lowest bit first, result as it comes out.
+/// x⁸ + x² + x + 1, each byte's lowest bit first, result not reflected.
 const SHEET: Algorithm<u8> = Algorithm {
     width: 8,
     poly: 0x07,

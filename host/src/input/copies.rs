@@ -17,7 +17,7 @@ const TOUCH_MM: f64 = 0.1;
 
 /// Default gap between copies, mm.
 const GAP_MM: f64 = 5.0;
-/// Gaps that are taken, mm.
+/// Accepted gaps, mm.
 const GAPS_MM: [f64; 2] = [0.2, 1000.0];
 
 /// Why parts cannot be placed so.
@@ -35,7 +35,7 @@ pub enum CopiesError {
          area: {fitting} do; print fewer --copies or lower --copy-gap"
     )]
     TooMany {
-        /// Asked for.
+        /// The requested number.
         copies: u32,
         /// Of one, along x.
         width_mm: f64,

@@ -14,7 +14,7 @@ use crate::settings::Settings;
 use nalgebra::{Point3, UnitVector3, Vector3};
 use std::f64::consts::TAU;
 
-/// Shortest leg whose volume is a section, mm: E is rounded.
+/// Shortest leg whose volume gives a section, mm: E is rounded.
 const LEG_MIN_MM: f64 = 1e-3;
 /// Legs that turn less than this, are closer than this to their curve, and differ by no more than this, are chords:
 /// as joints of polygons in other files.
@@ -190,7 +190,8 @@ fn asked(pass: &GcodePass) -> PassAsked {
     }
 }
 
-/// Gives waypoints before the first leg that goes anywhere its section; all of a pass have one, or none.
+/// Gives waypoints before the first leg of non-zero length the section of that leg; all waypoints of a
+/// pass have one, or none.
 fn complete_sections(points: &mut [Waypoint]) {
     let known = points.iter().find_map(|point| point.section_mm2);
     for point in points.iter_mut() {
@@ -201,7 +202,7 @@ fn complete_sections(points: &mut [Waypoint]) {
     }
 }
 
-/// Makes the sections of a pass come to what it deposits.
+/// Scales the sections of a pass so that they add up to its volume.
 fn scale_sections(points: &mut [Waypoint], volume_mm3: Option<f64>) {
     let laid = points.windows(2).map(|pair| {
         let length_mm = (pair[1].tip_mm - pair[0].tip_mm).norm();

@@ -60,7 +60,7 @@ pub enum InputError {
         /// The parser's message, with line and column if it has them.
         problem: String,
     },
-    /// A key that looks like one that is read.
+    /// A key that is similar to a known one.
     #[error(
         "the key '{key}' is not known: is '{near}' meant? (keys that are like no known one are the \
          writer's own)"
@@ -68,7 +68,7 @@ pub enum InputError {
     Misspelt {
         /// What the file has.
         key: String,
-        /// What it is near.
+        /// The known key that is similar.
         near: &'static str,
     },
     /// Points under a key that is not read.
@@ -122,7 +122,7 @@ pub enum InputError {
         ring: String,
         /// Index from 0.
         point: usize,
-        /// What it is.
+        /// The problem.
         problem: String,
     },
     /// A contour that does not close.
@@ -152,7 +152,7 @@ pub enum InputError {
         /// How many.
         distinct: usize,
     },
-    /// A ring whose points are on a line.
+    /// A ring whose points are on one line.
     #[error("{ring} near {at} encloses no area (its points are on a line): remove it")]
     NoArea {
         /// Which ring.
@@ -163,7 +163,7 @@ pub enum InputError {
     /// Nothing to print.
     #[error("there is no outline in it: {hint}")]
     Empty {
-        /// What to look for.
+        /// The probable cause.
         hint: &'static str,
     },
     /// More points than can be planned.
@@ -194,7 +194,7 @@ pub enum InputError {
         width_mm: f64,
         /// Height.
         height_mm: f64,
-        /// The most that is taken.
+        /// The largest accepted value.
         max_mm: f64,
     },
     /// Smaller than anything printable.
@@ -207,7 +207,7 @@ pub enum InputError {
         width_mm: f64,
         /// Height.
         height_mm: f64,
-        /// The least that is taken.
+        /// The smallest accepted value.
         min_mm: f64,
     },
     /// So far from the origin that digits are lost.
@@ -218,7 +218,7 @@ pub enum InputError {
     TooFar {
         /// A point of it.
         at: At,
-        /// The farthest that is taken.
+        /// The largest accepted distance.
         max_mm: f64,
     },
     /// A geometry that has no area.
@@ -259,7 +259,7 @@ pub enum InputError {
         /// Those that there are.
         there: String,
     },
-    /// Layers of an input that has none.
+    /// Layers requested of an input that has none.
     #[error("--dxf-layer goes with DXF: no other format that is read has layers of a drawing")]
     NoLayers,
     /// Only contents that are not read.
@@ -273,7 +273,7 @@ pub enum InputError {
     Invalid {
         /// Which region.
         region: String,
-        /// What is wrong, where, and what to do.
+        /// The fault, its place, and the remedy.
         problem: ValidityError,
     },
     /// Two regions share some area.

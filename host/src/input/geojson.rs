@@ -193,7 +193,7 @@ impl Reader {
     }
 }
 
-/// Refuses members that look like ones that mean something; others are anybody's.
+/// Refuses members that are similar to known ones; others are foreign and ignored.
 fn check_keys(foreign: Option<&JsonObject>) -> Result<(), InputError> {
     let near = foreign.into_iter().flatten().find_map(|(key, _)| {
         let near = near_name(key, &KEYS)?;

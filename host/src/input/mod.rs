@@ -273,8 +273,8 @@ pub fn read_any(
     read(bytes, name, format, options).map(Input::Outline)
 }
 
-/// The text without the byte order mark that some editors put in front. Fails for what is no text by
-/// its first bytes.
+/// The text without the byte order mark that some editors write first. Fails if the first bytes are
+/// not text.
 fn without_mark(bytes: &[u8], format: Format) -> Result<&[u8], InputError> {
     let known = |mark: &[u8]| bytes.starts_with(mark);
     let problem = if known(&[0xff, 0xfe]) || known(&[0xfe, 0xff]) {

@@ -47,10 +47,10 @@ pub(super) fn is_nurbs(bytes: &[u8]) -> bool {
     has(b"\"control_points\"") && has(b"\"knots\"")
 }
 
-/// Reads a curve. `name` is used where the file has none of its own.
+/// Reads a curve. `name` is used if the file has none.
 ///
 /// # Errors
-/// [`InputError`] with what is wrong.
+/// [`InputError`] with the cause.
 pub(super) fn read(
     bytes: &[u8],
     name: &str,

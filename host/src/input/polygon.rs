@@ -59,7 +59,7 @@ pub(super) struct SpacePoints {
     pub rings: Vec<Vec<Vector3<f64>>>,
 }
 
-/// The rings where all points have three coordinates; `None` where the first has not.
+/// The rings, if all points have three coordinates; `None` if the first has not.
 pub(super) fn space_points(
     bytes: &[u8],
     options: &ReadOptions,

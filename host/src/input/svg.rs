@@ -262,7 +262,7 @@ fn px_per_unit(root: roxmltree::Node, size: usvg::Size) -> Vector2 {
     }
 }
 
-/// How large a unit of the drawing was taken to be, and why.
+/// The size assumed for a unit of the drawing, and the reason.
 fn size_note(
     xml: &roxmltree::Document,
     options: &ReadOptions,

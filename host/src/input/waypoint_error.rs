@@ -75,7 +75,7 @@ pub enum WaypointError {
         line: usize,
         /// Angle from Z.
         tilt_deg: f64,
-        /// The most that is taken.
+        /// The largest accepted value.
         max_deg: f64,
     },
     /// Farther than digits go.
@@ -88,7 +88,7 @@ pub enum WaypointError {
         line: usize,
         /// How far.
         distance_mm: f64,
-        /// The most that is taken.
+        /// The largest accepted value.
         max_mm: f64,
     },
     /// A heading beyond all turns.
@@ -109,7 +109,7 @@ pub enum WaypointError {
         line: usize,
         /// Column from 1.
         column: usize,
-        /// What it is called.
+        /// Its name.
         text: String,
     },
     /// No bead.

@@ -207,7 +207,7 @@ pub enum JobFileError {
     Truncated {
         /// Where it ends.
         at_byte: u64,
-        /// What is cut.
+        /// The part that is cut.
         part: &'static str,
     },
     /// A part does not match its checksum.
@@ -217,7 +217,7 @@ pub enum JobFileError {
         at_byte: u64,
         /// Which part.
         part: &'static str,
-        /// What is wrong.
+        /// The error.
         why: &'static str,
     },
     /// A frame is damaged.
@@ -227,7 +227,7 @@ pub enum JobFileError {
         frame: u32,
         /// Where it begins.
         at_byte: u64,
-        /// What is wrong.
+        /// The error.
         why: &'static str,
     },
     /// A part is larger than any job's.

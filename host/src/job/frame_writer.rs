@@ -23,7 +23,7 @@ pub(crate) struct FrameWriter {
 }
 
 impl FrameWriter {
-    /// One more frame, with so many knots and events in it.
+    /// Writes one more frame with this many knots and events.
     pub(crate) fn write(
         &mut self,
         out: &mut impl Write,
@@ -68,8 +68,8 @@ impl FrameWriter {
     }
 }
 
-/// Writes a job whose frames were written before, to what is read from `frames`; returns the bytes
-/// written.
+/// Writes a job whose frames were written before and are read from `frames`; returns the number of
+/// bytes written.
 ///
 /// # Errors
 /// As [`write`].

@@ -37,7 +37,7 @@ pub enum WireFramesError {
     BadFrame {
         /// Index of the frame.
         frame: usize,
-        /// What is wrong.
+        /// The error.
         why: &'static str,
     },
     /// The totals of the finish are not those of the frames before it.
@@ -272,8 +272,8 @@ impl StreamPacker {
         push(&HostMessage::Finish(finish), 0, 0, emit);
     }
 
-    /// Packs while there are so many knots. Fewer than a block takes might be followed by knots
-    /// and events that belong in it.
+    /// Packs while at least this many knots wait. Fewer than a block holds might be followed by
+    /// knots and events that belong in it.
     fn pack(&mut self, least: usize, emit: &mut impl FnMut(&[u8], u32, u32)) {
         let (mut done, mut due) = (0, 0);
         while self.knots.len() - done >= least {
@@ -322,8 +322,8 @@ fn check_events(stream: &SegmentStream) -> Result<(), WireFramesError> {
     Ok(())
 }
 
-/// How many of the next knots may go into a block so that at most [`EVENTS_AHEAD_MAX`] events come
-/// before it (or those of one single span, if it has more).
+/// The number of the next knots that a block may contain so that at most [`EVENTS_AHEAD_MAX`]
+/// events precede it (or those of one single span, if it has more).
 fn knots_before_event_limit(knots_done: usize, left: usize, events: &[FlowEvent]) -> usize {
     let full = left.min(KNOTS_PER_BLOCK_MAX);
     match events.get(EVENTS_AHEAD_MAX) {

@@ -1,10 +1,10 @@
 //! Parts of a stream -> a job file, without the complete stream in memory.
 //!
 //! The header precedes the frames and gives their number, so frames are written to a separate file as
-//! they come, and copied after the header at the end. Input: parts from rest to rest, a file to write and
-//! read. Output: the bytes that [`crate::job::file::write`] makes of the complete stream. Memory grows
-//! with the job by a mark for each move and an index entry for every 64th frame. Not covered: the file's
-//! location.
+//! they are made, and copied after the header at the end. Input: parts from rest to rest, a file to write
+//! and read. Output: the bytes that [`crate::job::file::write`] makes of the complete stream. Memory
+//! grows with the job by a mark for each move and an index entry for every 64th frame. Not covered: the
+//! file's location.
 
 use crate::job::file::{JobFileError, JobHeader};
 use crate::job::frame_writer::{FrameWriter, write_with_frames};

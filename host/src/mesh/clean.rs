@@ -9,7 +9,7 @@ use super::half_edges::Edges;
 use super::{Mesh, Point3};
 use std::collections::HashMap;
 
-/// What was taken out.
+/// The triangles removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Cleaned {
     /// Triangles with two corners at one place.

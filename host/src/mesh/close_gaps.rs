@@ -23,7 +23,7 @@ pub const GAP_MAX_MM: f64 = 0.05;
 const ROUNDS: [f64; 5] = [1.0 / 256.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0, 1.0];
 /// Edges no longer than this are no detail of an open surface, mm: far below what any machine places.
 const DETAIL_MM: f64 = GAP_MAX_MM / 16.0;
-/// Most edges around a hole that is zipped up: each takes a look at all others.
+/// Most edges around a hole that is zipped up: each is compared with all others.
 const HOLE_EDGES_MAX: usize = 4000;
 
 /// What was closed.
@@ -39,10 +39,10 @@ pub struct ClosedGaps {
     pub widest_mm: f64,
 }
 
-/// Closes what is open by no more than [`GAP_MAX_MM`].
+/// Closes gaps up to [`GAP_MAX_MM`].
 ///
 /// # Errors
-/// [`MeshError::Open`] with the largest hole that is left.
+/// [`MeshError::Open`] with the largest remaining hole.
 pub(super) fn close_gaps(mesh: &mut Mesh) -> Result<ClosedGaps, MeshError> {
     let mut closed = ClosedGaps::default();
     for gap_mm in ROUNDS.map(|share| share * GAP_MAX_MM) {
@@ -111,9 +111,9 @@ fn open_vertices(mesh: &Mesh, open: &[u32]) -> Vec<u32> {
     vertices
 }
 
-/// Makes one of open corners that are near each other, the nearest first. Corners that an edge joins stay
-/// apart: that is detail, not a gap. Below [`DETAIL_MM`] it is not detail: such edges come of dividing a
-/// sliver at both halves of a torn corner, and would keep these apart for good.
+/// Merges open corners that are near each other, the nearest first. Corners that an edge joins stay
+/// separate: that is detail, not a gap. Below [`DETAIL_MM`] it is not detail: such edges result from
+/// dividing a sliver at both halves of a torn corner, and would keep these separate for good.
 fn weld(mesh: &mut Mesh, open: &[u32], gap_max_mm: f64, closed: &mut ClosedGaps) {
     let vertices = open_vertices(mesh, open);
     let near = NearPoints::of(mesh, &vertices, gap_max_mm);
@@ -335,7 +335,7 @@ fn close_short_edges(mesh: &mut Mesh, gap_max_mm: f64, closed: &mut ClosedGaps) 
 /// A hole: its vertices in the order in which its filling runs.
 type Hole = Vec<u32>;
 
-/// Zips up what is still open.
+/// Zips up the remaining holes.
 fn fill(mesh: &mut Mesh, closed: &mut ClosedGaps) -> Result<(), MeshError> {
     let holes = holes(mesh, &open_half_edges(mesh));
     let mut refused: Vec<Hole> = Vec::new();
@@ -381,8 +381,8 @@ fn open_half_edges(mesh: &Mesh) -> Vec<u32> {
     open.map(|(half_edge, _)| half_edge as u32).collect()
 }
 
-/// The rings of open half-edges, run backwards. What does not close to a ring (a surface
-/// whose triangles cannot agree) is a hole all the same.
+/// The rings of open half-edges, run backwards. A chain that does not close to a ring (on a surface
+/// that cannot be oriented consistently) is a hole as well.
 fn holes(mesh: &Mesh, open: &[u32]) -> Vec<Hole> {
     let mut next: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     for &half_edge in open {
@@ -418,7 +418,7 @@ fn holes(mesh: &Mesh, open: &[u32]) -> Vec<Hole> {
 }
 
 /// Triangles over a hole, the shortest connection across first, and the highest one's height;
-/// `None` where that is more than a gap.
+/// `None` if that is more than a gap.
 fn zipped(mesh: &Mesh, hole: &Hole, gap_max_mm: f64) -> Option<(Vec<[u32; 3]>, f64)> {
     if !(3..=HOLE_EDGES_MAX).contains(&hole.len()) {
         return None;

@@ -85,7 +85,7 @@ pub enum MeshError {
     NoSuchVertex {
         /// Which triangle.
         triangle: usize,
-        /// What it names, counted from 0.
+        /// The vertex that it names, counted from 0.
         vertex: usize,
         /// How many there are.
         vertices: usize,
@@ -119,7 +119,7 @@ pub enum MeshError {
     TooFar {
         /// The middle of its box.
         at: At3,
-        /// The farthest that is taken.
+        /// The largest accepted coordinate.
         max_mm: f64,
     },
     /// Holes in the surface.
@@ -201,7 +201,7 @@ pub enum MeshError {
         "an item or component names object {id}, which the file does not have: export it again"
     )]
     NoSuchObject {
-        /// What it names.
+        /// The missing number.
         id: usize,
     },
     /// Objects and components that place each other any number of times.

@@ -77,7 +77,7 @@ impl<'a> HeightMap<'a> {
         heights.max_by(f64::total_cmp)
     }
 
-    /// Height of a triangle over a place; `None` if it is not there or is vertical.
+    /// Height of a triangle over a place; `None` if it does not cover the place or is vertical.
     fn height_mm(&self, triangle: usize, p: Point2) -> Option<f64> {
         let [a, b, c] = self.mesh.corners(triangle);
         let (ab, ac, ap) = (b.xy() - a.xy(), c.xy() - a.xy(), p - a.xy());

@@ -32,7 +32,7 @@ pub struct LayerHeights {
     pub layer_mm: f64,
     /// Ranges with their own heights, upwards, without overlap.
     pub ranges: Vec<HeightRange>,
-    /// First and last layer that are wanted, counted from 1; `None` for all.
+    /// First and last requested layer, counted from 1; `None` for all.
     pub range: Option<[u32; 2]>,
 }
 
@@ -80,7 +80,7 @@ pub struct TargetLayer {
     pub height_mm: f64,
     /// Its top in input coordinates, mm.
     pub top_mm: f64,
-    /// What is printed; nothing where the part is interrupted.
+    /// The regions to print; none where the part is interrupted.
     pub regions: Vec<Region>,
 }
 
@@ -186,7 +186,7 @@ impl LayerHeights {
         bands
     }
 
-    /// What is said of ranges: which layers they became, and what lies between them.
+    /// The note on ranges: their layers, and the layers between them.
     fn note(&self, bands: &[Band]) -> Option<String> {
         let mut told: Vec<Band> = bands.to_vec();
         if let [first, second, ..] = *bands
@@ -298,7 +298,7 @@ pub fn sliced_carved(
     Ok(part)
 }
 
-/// The sections of what is left of a part. What overlaps between its bodies is printed once.
+/// The sections of the remaining part. Overlaps of its bodies are printed once.
 fn carved_sections(mesh: &Mesh, carved: &[Carved], middles_mm: &[f64]) -> Vec<Section> {
     let mut sections = Slicer::new(mesh).sections(middles_mm);
     for Carved { solid, cut } in carved {

@@ -8,7 +8,7 @@
 use super::half_edges::{Edges, ends};
 use super::{Mesh, Point3, volume_mm3};
 
-/// What was turned to look outwards.
+/// The triangles and shells turned to face outwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Reoriented {
     /// Triangles with an orientation opposite to their neighbours'.
@@ -17,7 +17,7 @@ pub(super) struct Reoriented {
     pub shells: usize,
 }
 
-/// Makes neighbours agree, and shells look outwards.
+/// Makes neighbours consistent, and shells face outwards.
 pub(super) fn orient(mesh: &mut Mesh) -> Reoriented {
     let (shell_of, triangles) = agree(mesh);
     Reoriented {

@@ -351,7 +351,7 @@ impl RawMesh {
     }
 }
 
-/// The turns that are not none. Quarter turns are exact.
+/// The turns that are not zero. Quarter turns are exact.
 fn turns(rotate_rad: [f64; 3]) -> Vec<impl Fn(Point3) -> Point3> {
     let given = rotate_rad.into_iter().enumerate();
     let given = given.filter(|(_, angle_rad)| *angle_rad != 0.0);
@@ -374,7 +374,8 @@ fn turns(rotate_rad: [f64; 3]) -> Vec<impl Fn(Point3) -> Point3> {
     given.map(turn).collect()
 }
 
-/// Checks the corners of a mesh of a file, of which so many triangles were checked before.
+/// Checks the corners of a mesh of a file, of which the first triangles, as many as given, were
+/// checked before.
 fn check_numbers(mesh: &Mesh, before: usize) -> Result<(), MeshError> {
     let triangles = before + mesh.triangles.len();
     if triangles > TRIANGLES_MAX {

@@ -30,7 +30,7 @@ const OVERLAP_MIN_SHARE: f64 = 1e-6;
 /// A section of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Section {
-    /// What is inside.
+    /// The interior.
     pub regions: Vec<Region>,
     /// Area with a winding number above 1 or below 0, mm², and a point in it.
     pub overlap: Option<(f64, Point2)>,

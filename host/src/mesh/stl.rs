@@ -106,7 +106,7 @@ fn ascii(text: &str) -> Result<Mesh, MeshError> {
     }
 }
 
-/// True for what begins as a text does.
+/// True for bytes that begin like a text.
 fn is_text(bytes: &[u8]) -> bool {
     let begins = bytes.trim_ascii_start().get(..5);
     begins.is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))

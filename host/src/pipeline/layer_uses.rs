@@ -64,9 +64,9 @@ pub struct LayerUse {
     pub what: Use,
     /// How long.
     pub seconds: f64,
-    /// What is deposited.
+    /// The deposited volume.
     pub volume_mm3: f64,
-    /// Way of the tip.
+    /// Path length of the tip.
     pub way_mm: f64,
 }
 

@@ -71,7 +71,7 @@ pub struct PartPlan {
     pub kept_out_mm2: f64,
     /// A skirt or brim was printed.
     pub has_skirt: bool,
-    /// Travels between passes that leave the regions on their way.
+    /// Travels between passes that leave the regions.
     pub outline_crossings: u64,
     /// Overhangs, by layer of the complete part.
     pub overhangs: Vec<Overhang>,
@@ -216,7 +216,7 @@ pub fn plan_part_in_pieces(
 }
 
 impl PartPlan {
-    /// Takes over what is kept of a piece, and hands on its stream.
+    /// Adds the kept data of a piece, and passes on its stream.
     fn add(&mut self, piece: Piece, settings: &Settings) -> Result<SegmentStream, PlanError> {
         self.swept.extend(piece.swept);
         self.figures.add_lengths(&piece.figures);

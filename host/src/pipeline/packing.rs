@@ -1,5 +1,5 @@
-//! Packs a job for its file: checks its parts as they come, against the limits and with the board's own checks,
-//! and measures their time.
+//! Packs a job for its file: checks its parts in order, against the limits and with the board's own checks, and
+//! measures their time.
 //!
 //! In: parts of a stream, from any kind of input, and a file for their frames. Out: the job's frames,
 //! figures of the finished motion, the job's header. Not covered: the destination of the job.
@@ -35,7 +35,7 @@ pub struct JobPacking<F: Write> {
 pub struct PackedJob<F> {
     /// Its frames.
     pub frames: SpooledJob<F>,
-    /// What it reaches of the limits.
+    /// Its use of the limits.
     pub limits: LimitFigures,
     /// Shares of its time by limit.
     pub times: TimeByLimit,

@@ -24,10 +24,10 @@ use siphasher::sip128::{Hasher128, SipHasher13};
 use std::fmt::{self, Write};
 use std::hash::Hasher;
 
-/// What begins the bytes of a piece; the number is that of their layout.
+/// The first bytes of a piece; the number is that of their layout.
 const MAGIC: &[u8; 8] = b"HWPIECE3";
 
-/// What is kept of a few layers.
+/// The kept data of a few layers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Piece {
     /// The stream; its passes are counted from 0.
@@ -52,7 +52,7 @@ pub struct Piece {
     pub kept_out_mm2: f64,
     /// A skirt or brim was printed.
     pub has_skirt: bool,
-    /// Travels between passes that leave the regions on their way.
+    /// Travels between passes that leave the regions.
     pub outline_crossings: u64,
     /// Unreachable boundary, once for each layer group.
     pub unreachable: Vec<UnreachableRun>,
@@ -94,7 +94,7 @@ impl PieceCache for () {
 }
 
 impl Piece {
-    /// What is kept of a plan.
+    /// The kept data of a plan.
     pub fn of(plan: Plan, settings: &Settings) -> Piece {
         let mut piece = Piece {
             pass_uses: pass_uses(&plan),
@@ -171,7 +171,7 @@ pub fn unreachable_boundary<'a>(
     regions.into_iter().flat_map(in_input).collect()
 }
 
-/// Hashes what is written to it.
+/// Hashes the text written to it.
 struct HashText(SipHasher13);
 
 impl Write for HashText {

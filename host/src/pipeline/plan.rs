@@ -33,7 +33,7 @@ pub struct Plan {
     pub kept_out_mm2: f64,
     /// Regions of a part that are not printed.
     pub left_out: Vec<LeftOut>,
-    /// What is printed around the regions before them, on the first layer.
+    /// The skirt printed around the regions before them, on the first layer.
     pub skirt: Option<SkirtPlan>,
     /// The layer groups, in the order of their first layers.
     pub kinds: Vec<LayerGroup>,
@@ -61,7 +61,7 @@ pub struct Plan {
     pub slowed: SlowedLayers,
     /// Everything the head does.
     pub route: Route,
-    /// Travels between passes that leave the regions on their way.
+    /// Travels between passes that leave the regions.
     pub outline_crossings: usize,
     /// The stream for the controller.
     pub stream: SegmentStream,

@@ -36,7 +36,7 @@ pub struct Planned {
     pub outline: Vec<Region>,
     /// Of a part whose layers differ.
     pub layer_outlines: LayerOutlines,
-    /// What it was planned with, the machine in the solution of its joints.
+    /// The settings it was planned with, the machine in the solution of its joints.
     pub settings: Settings,
     /// Its position on the machine.
     pub transform: PartTransform,
@@ -52,7 +52,7 @@ pub struct Planned {
     pub objections: Vec<Objection>,
     /// The machine's own joints, if it was planned with wider ranges.
     pub own_joints: Option<Vec<JointConfiguration>>,
-    /// What is known of each pass.
+    /// The known data of each pass.
     pub pass_facts: PassFacts,
     /// The planner's intermediates; `None` for a job from a file.
     pub plan: Option<Box<Plan>>,

@@ -36,7 +36,7 @@ pub struct LeftOut {
     pub why: String,
 }
 
-/// What is planned together.
+/// The regions planned together.
 pub(crate) struct Stack<'a> {
     /// The different outlines without the keep-outs.
     pub outlines: Vec<Vec<Region>>,
@@ -44,7 +44,7 @@ pub(crate) struct Stack<'a> {
     pub kinds: Vec<LayerKind>,
     /// The layers, upwards, each of one of the kinds.
     pub layers: Vec<StackLayer>,
-    /// What is kept out, input coordinates.
+    /// The keep-outs, input coordinates.
     pub keep_out: &'a [Region],
     /// Area lost to that.
     pub kept_out_mm2: f64,

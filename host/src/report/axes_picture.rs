@@ -17,7 +17,7 @@ const HELD: &str = "#b91c1c";
 pub struct MarkedAxis {
     /// Where.
     pub at_rad: [f64; 2],
-    /// What it is.
+    /// Its label.
     pub label: &'static str,
     /// Its colour.
     pub colour: &'static str,
@@ -55,7 +55,7 @@ fn held_path(free: &[bool], sectors: usize) -> String {
     held
 }
 
-/// Draws `free`, ring by ring from the middle, each of so many sectors from X towards Y.
+/// Draws `free`, ring by ring from the middle, each of this many sectors from X towards Y.
 pub fn draw(title: &str, free: &[bool], sectors: usize, marks: &[MarkedAxis]) -> String {
     let held = held_path(free, sectors);
     let circle = |radius_px: f64| {

@@ -18,7 +18,7 @@ const COLOURS: [&str; 2] = ["#0f766e", "#94a3b8"];
 
 /// One nozzle.
 pub struct Bar<'a> {
-    /// What it is.
+    /// Its label.
     pub label: &'a str,
     /// Duration of the print; `None` if it cannot be printed.
     pub seconds: Option<f64>,

@@ -35,7 +35,7 @@ const COLOURS: [(Cell, &str, &str); 4] = [
 ];
 const ONCE: &str = "#90cdf4";
 
-/// What is drawn, in the input's coordinates.
+/// The data drawn, in the input's coordinates.
 #[derive(Clone, Debug)]
 pub struct CoveragePicture<'a> {
     /// Title of the sheet.

@@ -99,9 +99,9 @@ impl KindFigures {
 pub struct UseFigures {
     /// How long.
     pub seconds: f64,
-    /// What is deposited.
+    /// The deposited volume.
     pub volume_mm3: f64,
-    /// Way of the tip.
+    /// Path length of the tip.
     pub way_mm: f64,
 }
 
@@ -117,7 +117,7 @@ pub struct LayerFigures {
     pub height_mm: f64,
     /// How long.
     pub seconds: f64,
-    /// What is deposited.
+    /// The deposited volume.
     pub volume_mm3: f64,
     /// How long by kind.
     pub seconds_by_kind: BTreeMap<String, f64>,

@@ -257,7 +257,7 @@ fn divide(span: &Span, whole: [PathPoint; 2], of: &PathOf, points: &mut Vec<Path
     }
 }
 
-/// How far a moment is from the straight move between two others, as a multiple of what may be off.
+/// Distance of a point from the straight move between two others, as a multiple of the tolerance.
 fn off(p: &PathPoint, from: &PathPoint, to: &PathPoint, reach_mm: f64) -> f64 {
     let between = |from: f64, to: f64, share: f64| from + share * (to - from);
     let apart = |share: f64| {

@@ -69,14 +69,14 @@ pub struct Report<'a> {
     pub limits: &'a [String],
     /// The slowest places, the slowest first.
     pub slow_places: &'a [Place],
-    /// What is not printed, the largest first.
+    /// Places that are not printed, the largest first.
     pub left_out: &'a [Place],
 }
 
 /// Something at a place of the part.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Place {
-    /// What is there, in words.
+    /// Its description, in words.
     pub what: String,
     /// Where, input coordinates.
     pub x_mm: f64,

@@ -66,7 +66,7 @@ pub struct PicturePass {
     pub speeds_mm_s: Vec<f64>,
 }
 
-/// What is drawn, mm, in the input's coordinates.
+/// The data drawn, mm, in the input's coordinates.
 #[derive(Clone, Debug)]
 pub struct PlanPicture<'a> {
     /// Title of the sheet.
@@ -145,7 +145,7 @@ pub fn draw(picture: &PlanPicture) -> String {
     canvas.finish()
 }
 
-/// The box of the outline, and of what is printed around it.
+/// The box of the outline, and of the print around it.
 fn shown_area(picture: &PlanPicture) -> Box2 {
     let mut corners: Vec<Point2> = picture
         .regions

@@ -28,7 +28,7 @@ pub struct Curve {
 /// Curves with a common vertical axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// What is shown, with its unit.
+    /// The quantity shown, with its unit.
     pub title: String,
     /// A dashed line: the limit.
     pub limit: Option<f64>,

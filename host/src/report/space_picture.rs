@@ -10,7 +10,7 @@ use crate::geometry::polygon::Box2;
 use nalgebra::Vector3;
 use svg::node::element::Path;
 
-/// The view turns the part so far about Z, and looks down on it at so much, degrees.
+/// The view turns the part by this angle about Z, and looks down on it at this angle, degrees.
 const TURN_DEG: f64 = 35.0;
 const DOWN_DEG: f64 = 30.0;
 /// Length of an axis as a share of the picture.
@@ -32,7 +32,7 @@ pub struct SpacePoint {
     pub prints: bool,
 }
 
-/// What is drawn.
+/// The data drawn.
 #[derive(Clone, Debug)]
 pub struct SpacePicture {
     /// Written above.

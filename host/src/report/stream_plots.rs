@@ -126,7 +126,7 @@ fn place_pct(joint: &JointConfiguration, position: f64) -> Option<f64> {
         .then(|| 100.0 * ((position - joint.position_min) / half - 1.0))
 }
 
-/// Adds the turns that joints have made since the first look.
+/// Adds the turns that joints have made since the first sample.
 fn unwind(
     winding: &mut Option<Winding<f64>>,
     position: &mut [f64; JOINTS_MAX],

@@ -30,7 +30,7 @@ pub struct Track {
     pub flow_mm3_s: Vec<f32>,
     /// Speed of each joint in per cent of its limit; the name first.
     pub joints_pct: Vec<(String, Vec<f32>)>,
-    /// Position of each joint, mm or rad, continuous, at every so many samples; empty where no links are drawn.
+    /// Position of each joint, mm or rad, continuous, at a fixed step of samples; empty if no links are drawn.
     pub joints_at: Vec<Vec<f32>>,
     /// Number of samples between two of those positions.
     pub joints_every: usize,

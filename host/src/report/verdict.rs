@@ -10,7 +10,7 @@ use crate::report::figures::{Figures, VerdictFigures};
 const NONE: &str = "none";
 /// Reasons that a terminal shows; the last of them represents the rest.
 const REASONS_SHOWN: usize = 3;
-/// Ground that lines cover less of has none.
+/// An area of which lines cover less than this counts as hollow.
 const HOLLOW_PCT: f64 = 2.0;
 
 /// The verdict; `more` are reasons that are not in a figure, `is_cold` if neither machine file nor input contain
@@ -182,7 +182,7 @@ fn open(figures: &Figures) -> Option<String> {
     ))
 }
 
-/// What is not printed as drawn.
+/// The parts that are not printed as drawn.
 fn left_out(figures: &Figures) -> Option<String> {
     let unreachable = figures.unreachable_mm.filter(|mm| *mm > 0.0);
     let regions = figures.left_out_places.as_ref().map_or(0, Vec::len);

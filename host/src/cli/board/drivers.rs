@@ -4,7 +4,7 @@ use headway_protocol::message::{DriverFlags, DriverStatus, Status};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// What is in force or wrong, by name, without what goes without saying.
+/// Active modes and faults, by name, without the usual ones.
 fn notes(driver: &DriverStatus) -> Vec<&'static str> {
     (0u32..)
         .zip(DriverFlags::NAMES)

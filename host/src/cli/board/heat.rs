@@ -75,7 +75,7 @@ pub(crate) fn hot_text(hot: &[(usize, u16)]) -> String {
     hot.iter().map(one).collect::<Vec<_>>().join(" and ")
 }
 
-/// Heaters as a line, empty where there are none.
+/// Heaters as a line, empty if there are none.
 pub(crate) fn heaters_text(status: &Status) -> String {
     let mut text = String::new();
     for (name, heater) in NAMES.iter().zip(&status.heaters) {

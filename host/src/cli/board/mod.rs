@@ -119,7 +119,7 @@ fn go(job: &Path, mesh: Option<&Path>, port: &PortArgs, console: &Console) -> Re
     console.result(&status_text(&status, false))
 }
 
-/// Commands that are given and no more.
+/// Commands that are sent without further steps.
 fn order(command: &BoardCommand) -> Option<(&PortArgs, Control)> {
     Some(match command {
         BoardCommand::Pause { port } => (port, Control::Pause),
@@ -284,8 +284,8 @@ fn home(
     console.result(&status_text(&status, false))
 }
 
-/// Heats, and waits until the target is reached if requested. Where that fails it is off again; where it
-/// succeeds the next command has the board's 30 s to come.
+/// Heats, and waits until the target is reached if requested. If that fails the heater is switched off
+/// again; if it succeeds, the next command has to arrive within the board's 30 s.
 fn heat_up(command: Control, port: &PortArgs, console: &Console) -> Result<(), CliError> {
     let operator = Operator::new(port, console);
     let mut talk = Talk::open_for(port, Some(&operator))?;

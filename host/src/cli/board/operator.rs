@@ -76,7 +76,8 @@ impl<'a> Operator<'a> {
         operator
     }
 
-    /// The next wish; orders of a page only where the last one is done (`is_free`), so that none piles up.
+    /// The next request; commands of a page only once the last one is done (`is_free`), so that they do
+    /// not pile up.
     pub(crate) fn next(&self, is_free: bool) -> Option<Wish> {
         if self.live.as_ref().is_some_and(|(live, _)| live.stop()) {
             return Some(Wish::Stop);
@@ -118,17 +119,18 @@ impl<'a> Operator<'a> {
         *self.owner.borrow_mut() = before;
     }
 
-    /// The board has taken a command.
+    /// The board has accepted a command.
     pub(crate) fn taken(&self, control: &Control) {
         self.owner.borrow_mut().taken(control);
     }
 
-    /// What is owned now.
+    /// The present ownership.
     pub(crate) fn owner(&self) -> HeatOwner {
         self.owner.borrow().clone()
     }
 
-    /// What was switched on stays on: the board switches it off where no next command comes within its 30 s.
+    /// Heaters that were switched on stay on: the board switches them off if no next command arrives within
+    /// its 30 s.
     pub(crate) fn hand_over(&self) {
         self.owner.take();
     }
@@ -208,7 +210,7 @@ impl Drop for Operator<'_> {
     }
 }
 
-/// Lines of stdin as they come.
+/// Lines of stdin as they arrive.
 fn lines() -> Receiver<String> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {

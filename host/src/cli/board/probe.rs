@@ -23,7 +23,7 @@ use headway_protocol::message::{Control, ProbeResult, Status};
 use serde_json::json;
 use std::path::Path;
 
-/// The joint that comes down.
+/// The joint that moves down.
 const Z: usize = 2;
 /// 0.1 µm.
 const UNITS_PER_MM: f64 = 1e4;
@@ -248,7 +248,7 @@ impl Prober {
         })
     }
 
-    /// What is below the probe now.
+    /// The place below the probe at present.
     fn below_probe(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.tip_mm[axis] + self.probe.offset_mm[axis])
     }

@@ -156,7 +156,7 @@ impl FlashFile {
         Ok(FlashFile { file, kept })
     }
 
-    /// What it holds.
+    /// The stored settings.
     fn settings(&self) -> Option<BoardSettings> {
         self.kept.clone()
     }

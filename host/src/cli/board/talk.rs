@@ -1,8 +1,8 @@
 //! A conversation with a board without a stream: sends commands, which are accepted or refused, and waits
 //! for their effect.
 //!
-//! In: commands, an operator's requests. Out: the board's answers, statuses, or why there are none. A stop takes
-//! effect in each wait. Not covered: the stream (`stream.rs`).
+//! In: commands, an operator's requests. Out: the board's answers, statuses, or the reason why there are none. A
+//! stop takes effect in each wait. Not covered: the stream (`stream.rs`).
 
 use crate::cli::args::board::PortArgs;
 use crate::cli::board::heat::is_there;
@@ -24,9 +24,9 @@ pub(crate) struct Talk<'o> {
     sender: Sender,
     /// Who the board is.
     pub welcome: Option<Welcome>,
-    /// What it has reported with its greeting.
+    /// The fault that it reported with its `Welcome`.
     pub fault: Option<Fault>,
-    /// Who may end it, and owns what it switches on.
+    /// The operator, who may end it and owns the heaters that it switches on.
     operator: Option<&'o Operator<'o>>,
     /// Something moves by its command.
     moves: bool,
@@ -38,7 +38,7 @@ impl<'o> Talk<'o> {
         Talk::open_for(port, None)
     }
 
-    /// The same for an operator, whose wishes are followed while it waits.
+    /// The same for an operator, whose requests are followed while it waits.
     pub(crate) fn open_for(
         port: &PortArgs,
         operator: Option<&'o Operator<'o>>,
@@ -59,7 +59,7 @@ impl<'o> Talk<'o> {
         Ok(talk)
     }
 
-    /// Goes on until `wanted` finds what it waits for.
+    /// Continues until `wanted` returns a value.
     fn until<T>(
         &mut self,
         mut wanted: impl FnMut(&mut Sender, &SenderEvent) -> Option<T>,
@@ -89,7 +89,7 @@ impl<'o> Talk<'o> {
         }
     }
 
-    /// Ends the conversation where the operator wishes that: what it moves comes to rest before.
+    /// Ends the conversation if the operator requests that: a present motion comes to rest before.
     fn follow_operator(&mut self) -> Result<(), CliError> {
         while let Some(wish) = self.operator.and_then(|operator| operator.next(true)) {
             let (control, words) = match wish {
@@ -132,7 +132,7 @@ impl<'o> Talk<'o> {
         self.sender.said_last()
     }
 
-    /// Gives a command and waits until it is taken or refused.
+    /// Sends a command and waits until it is accepted or refused.
     pub(crate) fn order(&mut self, control: Control) -> Result<(), CliError> {
         let before = self.operator.map(|operator| operator.note(&control));
         self.moves |= control.is_at_rest_only();

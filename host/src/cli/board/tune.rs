@@ -64,7 +64,7 @@ pub(crate) fn tune(
     }
 }
 
-/// What is known of a heater: by the machine file, or as the board is built.
+/// The known values of a heater: those of the machine file, or those built into the board.
 fn known_heater(machine: &BoardMachineArgs, number: u8) -> Result<HeaterConfiguration, CliError> {
     let settings = machine.machine.as_deref().map(load::machine).transpose()?;
     let heaters = settings.and_then(|settings| settings.heaters);

@@ -92,7 +92,7 @@ fn check_rows(job: &Job, args: &ExportArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The job's joints, a row every so many ms.
+/// The job's joints, a row per this many ms.
 fn joint_table<'a>(job: &'a Job, args: &ExportArgs) -> Result<JointTable<'a>, CliError> {
     check_rows(job, args)?;
     let header = &job.file.header;
@@ -130,7 +130,7 @@ fn trajectory(
     })
 }
 
-/// Rows as they come: a long job's table need not fit into memory.
+/// Writes rows as they are computed: a long job's table need not fit into memory.
 fn csv(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
     check_rows(job, args)?;
     console.write_to(args.output.as_deref(), |mut out| {

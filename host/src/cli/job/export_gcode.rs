@@ -16,7 +16,7 @@ use crate::gcode::write::{
 use crate::settings::machine_file::gcode_letters;
 use std::path::Path;
 
-/// Tip tolerances that are taken, mm.
+/// Accepted tip tolerances, mm.
 const TIP_MM: [f64; 2] = [1e-4, 1.0];
 
 /// Writes the job's G-code and reports the demands on a controller.

@@ -18,8 +18,7 @@ use headway_protocol::units::CHANNEL_Z;
 
 /// Most samples of the page's layers together: about 4 MB of it with seven joints.
 const SAMPLES_MAX: u64 = 120_000;
-/// Most points of their paths beside the ends of moves, where the tool stands upright and where it tilts: about 7 MB
-/// of it.
+/// Most points of their paths besides the ends of moves, for an upright and for a tilting tool: about 7 MB.
 const POINTS_MAX: [u64; 2] = [700_000, 400_000];
 
 /// The motion of the page's layers.
@@ -75,8 +74,8 @@ impl<'a> LayerMotions<'a> {
         }
     }
 
-    /// Layers that the pictures leave out and that are like none of those shown: a part's, or those of a job
-    /// that came without its settings.
+    /// Layers without a picture that differ from all layers shown: those of a part, or those of a job
+    /// without its settings.
     pub(crate) fn more(&self, shown: &[ShownLayer]) -> Vec<PageLayer<'a>> {
         let planned = self.planned;
         let layers = planned.stream.layers();
@@ -168,8 +167,7 @@ pub(crate) fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>,
     (of_page, page_of)
 }
 
-/// For each layer the number of its kind; none where all layers differ, as those of a slicer's file do, which has no
-/// outline.
+/// For each layer the number of its kind; empty if all layers differ, as in a slicer's file, which has no outline.
 pub(crate) fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
     match planned.outline.is_empty() {
         true => Vec::new(),
@@ -177,7 +175,7 @@ pub(crate) fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
     }
 }
 
-/// Numbers of the layers that have no pictures and are like none that has.
+/// Numbers of the layers that have no pictures and differ from all that have.
 fn bare_layers(planned: &Planned, shown: &[ShownLayer]) -> Vec<u32> {
     let [only] = shown else {
         return Vec::new();

@@ -144,7 +144,7 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
     })
 }
 
-/// The path in space; `None` where the tool stays upright.
+/// The path in space; `None` if the tool stays upright.
 fn space_picture(planned: &Planned) -> Option<SpacePicture> {
     let stream = &planned.stream;
     let ticks = duration_ticks(stream);

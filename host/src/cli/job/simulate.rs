@@ -117,7 +117,7 @@ fn planned_of(args: &SimulateArgs, console: &Console) -> Result<Planned, CliErro
     }
 }
 
-/// Says what is ordered of heaters and fans: the simulated line carries the motion alone.
+/// Reports the commands for heaters and fans: the simulated line carries only the motion.
 fn tell_heat(planned: &mut Planned, console: &Console) {
     let material = planned.settings.material.as_ref();
     let events = job_events(&planned.heat, material, &planned.stream.marks);

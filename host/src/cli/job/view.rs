@@ -48,7 +48,7 @@ pub(crate) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The folder that is taken where none is given: in the working directory, named after the input.
+/// The default folder: in the working directory, named after the input.
 fn beside(args: &ViewArgs) -> PathBuf {
     let stem = args.input.file_stem().unwrap_or_default();
     let mut name = stem.to_os_string();

@@ -28,7 +28,7 @@ const HEAD_PATIENCE: Duration = Duration::from_secs(2);
 const LIFE_MAX: Duration = Duration::from_secs(30);
 /// So long no connection is closed for another one's sake.
 const GRACE: Duration = Duration::from_millis(250);
-/// Between two looks for a free place.
+/// Time between two checks for a free place.
 const LOOK: Duration = Duration::from_millis(5);
 
 struct Connection {

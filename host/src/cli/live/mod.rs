@@ -83,7 +83,7 @@ pub(crate) struct Snapshot {
     pub ended: Option<String>,
 }
 
-/// Why an order is not taken.
+/// Why a command is not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum NotTaken {
     /// Too many wait.
@@ -149,7 +149,7 @@ impl LivePrint {
         self.shared.stop.swap(false, Ordering::Relaxed)
     }
 
-    /// Why the server has ended, once: there is no more watching or commanding from there.
+    /// Why the server has ended, once: pages can no longer watch or command.
     pub(crate) fn server_problem(&self) -> Option<String> {
         let thread = self
             .thread

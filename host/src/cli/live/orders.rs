@@ -1,9 +1,9 @@
-//! The commands that a page may give to a running print: none that heat.
+//! The commands that a page may send to a running print: none of them heats.
 
 use headway_protocol::message::Control;
 use std::ops::RangeInclusive;
 
-/// A line as an order; `None` where it is none.
+/// A line as a command; `None` if it is not one.
 pub(crate) fn order(line: &str) -> Option<Control> {
     let words: Vec<&str> = line.split_whitespace().collect();
     match words[..] {

@@ -1,9 +1,10 @@
 //! The page's server: 127.0.0.1 only, in a thread of its own; the stream survives its end.
 //!
 //! In: the page as text, connections. Out: answers ([`Service`]), commands for the stream's loop. One thread serves
-//! all connections in turn (hyper on tokio), so that none waits for another: a client that sends or reads slowly
-//! occupies one of [`CONNECTIONS_MAX`] slots and nothing else. Each step of a request has a limit in bytes and in
-//! time. Not covered: encryption (the bytes do not leave the machine), files, a second request on a connection.
+//! all connections in turn (hyper on tokio), so that no connection waits for another: a client that sends or reads
+//! slowly occupies one of [`CONNECTIONS_MAX`] slots and nothing else. Each step of a request has a limit in bytes
+//! and in time. Not covered: encryption (the bytes do not leave the machine), files, a second request on a
+//! connection.
 
 use super::access::Access;
 use super::connections::{CONNECTIONS_MAX, Connections};

@@ -11,7 +11,7 @@ use crate::job::heat::{BED, HeatEvent, HeatOrder};
 use crate::pipeline::planned::Planned;
 use headway_firmware::configuration::heat::HeaterRole;
 
-/// What is missing; `remedy` is what the user can do here.
+/// The missing heat commands as text; `remedy` is what the user can do about it.
 pub(crate) fn missing_heat(job: &Job, events: &[HeatEvent], remedy: &str) -> Option<String> {
     let settings = job.settings.as_ref()?;
     let heaters = &settings.heaters.as_ref()?.heaters;
@@ -53,7 +53,7 @@ pub(crate) fn cold_hot_end(planned: &Planned) -> Option<String> {
     })
 }
 
-/// What is missing of a job that another controller prints.
+/// The missing heat commands of a job that another controller prints.
 pub(crate) fn missing_in_text(job: &Job, events: &[HeatEvent], remedy: &str) -> Option<String> {
     let material = job.settings.as_ref().and_then(|settings| settings.material);
     let is_cold = material.is_some_and(|material| material.hot_end_c <= 0.0);
@@ -67,7 +67,7 @@ pub(crate) fn missing_in_text(job: &Job, events: &[HeatEvent], remedy: &str) -> 
     })
 }
 
-/// True where an order heats one of these heaters before the first bead; `None` without a bead.
+/// True if a command heats one of these heaters before the first bead; `None` without a bead.
 fn heats_before_first_bead(
     job: &Job,
     events: &[HeatEvent],

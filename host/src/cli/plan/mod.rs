@@ -57,11 +57,11 @@ pub(crate) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
     written
 }
 
-/// Checks a plan's finished motion and writes its job, where nothing keeps it from being good but what is allowed;
-/// the plan comes back with all figures, and why it is not written, if so.
+/// Checks a plan's finished motion and writes its job unless there are objections that are not allowed; returns
+/// the plan with all figures, and the reason if it is not written.
 ///
 /// # Errors
-/// What keeps it from being packed or written.
+/// The reason why it cannot be packed or written.
 pub(crate) fn write_job(
     mut planned: Planned,
     mut job: JobPacking<File>,

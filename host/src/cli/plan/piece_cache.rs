@@ -81,7 +81,7 @@ impl PieceCache for CacheFolder {
     }
 }
 
-/// What plans: pieces of another build are not taken.
+/// The planning program: pieces of another build are not used.
 pub(crate) fn program() -> String {
     let build = std::env::current_exe().and_then(|path| {
         let known = std::fs::metadata(path)?;

@@ -49,7 +49,7 @@ impl Flat {
 }
 
 /// Reads an input and plans it, the ranges of the joints `widened` as if they had no end. The stream of a mesh
-/// goes to `job` where there is one, piece by piece, and is then none of the result.
+/// is written to `job` if given, piece by piece, and is then not part of the result.
 pub(crate) fn from_input(
     path: &Path,
     reading: &InputArgs,

@@ -14,7 +14,7 @@ use crate::settings::Settings;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// A patch and what is drawn on it.
+/// A patch and the drawing on it.
 pub(crate) struct Patch {
     /// What messages call it.
     path: PathBuf,

@@ -27,7 +27,7 @@ impl AllowArgs {
     }
 }
 
-/// Plans; joints that leave their ranges do so again with wider ones, where that is allowed. `plan` is given the
+/// Plans; if joints leave their ranges and that is allowed, plans again with wider ranges. `plan` is given the
 /// joints whose ranges are widened.
 pub(crate) fn planned_as_allowed<T>(
     allow: &AllowArgs,
@@ -117,7 +117,7 @@ pub(crate) fn compare(
     Ok(())
 }
 
-/// Notes the verdict in the figures that are shown; job files hold none.
+/// Notes the verdict in the figures that are shown; job files do not contain it.
 pub(crate) fn settle(planned: &mut Planned) {
     let cold = cold_hot_end(planned);
     let is_cold = planned.settings.material.is_none() && planned.heat.is_empty();

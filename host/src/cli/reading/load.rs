@@ -196,7 +196,7 @@ pub(crate) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Op
     of_settings.or(keep_out.map(|_| "--keep-out"))
 }
 
-/// The first option given that only runs of waypoints know, and what lies on a surface.
+/// The first given option that is only for runs of waypoints and for outlines on a surface.
 pub(crate) fn run_option(args: &PlaceArgs) -> Option<&'static str> {
     let is_flat = args.surface.is_none();
     let given = [
@@ -236,7 +236,7 @@ pub(crate) fn keep_out(
     Ok(loaded.target.regions)
 }
 
-/// The turns of a mesh; none of anything else.
+/// The rotations of a mesh; none for other inputs.
 fn rotate_rad(text: Option<&str>, format: Format) -> Result<[f64; 3], CliError> {
     let Some(text) = text else {
         return Ok([0.0; 3]);
@@ -252,7 +252,7 @@ fn rotate_rad(text: Option<&str>, format: Format) -> Result<[f64; 3], CliError> 
     Ok(turns_deg.map(f64::to_radians))
 }
 
-/// The filament of G-code; none of anything else.
+/// The filament of G-code; none for other inputs.
 fn filament_mm(given: Option<f64>, format: Format) -> Result<Option<f64>, CliError> {
     match given {
         Some(_) if format != Format::Gcode => Err(CliError::Usage(

@@ -80,7 +80,7 @@ struct Printed {
     result: Result<(), CliError>,
     /// What a page shows last.
     snapshot: Snapshot,
-    /// None where it never streamed.
+    /// `None` if it never streamed.
     figures: Option<Value>,
 }
 
@@ -148,7 +148,7 @@ fn print(
     })
 }
 
-/// Gives commands in a conversation of their own; none, none.
+/// Sends commands in a separate conversation; without commands it opens none.
 pub(crate) fn give(
     port: &PortArgs,
     commands: &[Control],
@@ -334,7 +334,7 @@ impl Run<'_> {
         }
     }
 
-    /// Heaters and fans whose place on the path is done.
+    /// Sends the commands for heaters and fans whose place on the path is done.
     fn order_heat(&mut self, status: &Status) {
         let streams = matches!(
             self.sender.state(),
@@ -387,7 +387,8 @@ impl Run<'_> {
         }
     }
 
-    /// A command to the board; what it switches on is the operator's from here on.
+    /// Sends a command to the board; from then on the operator owns the heaters that it switches
+    /// on.
     fn give(&mut self, control: Control) {
         self.operator.note(&control);
         self.pause_heat.note(self.pump.now_us(), &control);

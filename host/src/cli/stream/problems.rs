@@ -14,7 +14,7 @@ pub(crate) struct Problems {
 }
 
 impl Problems {
-    /// What is new.
+    /// Reports new problems.
     pub(crate) fn look(&mut self, live: Option<&LivePrint>, pump: &Pump) -> Vec<String> {
         let server = live.and_then(LivePrint::server_problem).map(|problem| {
             format!(

@@ -1,7 +1,8 @@
 //! `headway stream --resume-from`: the rest of a job after a power failure, and the approach to it.
 //!
 //! In: the job, a log of its stream or a pass or layer given by hand. Out: the job from the start of a pass on,
-//! what it prints again and omits, and the moves above the print to its start. Not covered: the stream itself.
+//! the parts that it prints again and omits, and the moves above the print to its start. Not covered: the
+//! stream itself.
 
 use crate::cli::args::board::{Place, PortArgs, StreamArgs};
 use crate::cli::board::operator::Operator;
@@ -72,7 +73,7 @@ impl Resumed {
         })
     }
 
-    /// Says what is printed again, heats, and goes there.
+    /// Reports what is printed again, heats, and moves to the start.
     pub(crate) fn begin(
         &self,
         port: &PortArgs,

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// The terminal, or the pipe.
 pub(crate) struct Console {
     bars: bool,
-    /// Notes that are still shown; those behind them are counted.
+    /// Notes that are still shown; later ones are only counted.
     notes_left: AtomicUsize,
     notes_hidden: AtomicUsize,
 }

@@ -31,7 +31,7 @@ const REPORT_NAMES: [&str; 6] = [
     "motion.svg",
     "space.svg",
 ];
-/// How far into a page its writer is looked for, bytes.
+/// Bytes at the start of a page in which its writer's mark is searched.
 const PAGE_HEAD_BYTES: u64 = 4096;
 
 /// Writes a file, or names the one that could not be written.
@@ -73,10 +73,11 @@ pub(crate) fn nameless_file(path: &Path) -> Result<File, CliError> {
     file.map_err(|problem| file_error(path, problem))
 }
 
-/// Whoever ends the program lets what is being written come to its end first.
+/// Held while a file is written: the program ends only after that.
 static WRITING: Mutex<()> = Mutex::new(());
 
-/// Ends the program on Ctrl-C with nothing half written, after a line of what is left for the next time.
+/// Ends the program on Ctrl-C without half-written files, after a line that says what remains for the
+/// next run.
 pub(crate) fn end_whole_on_interrupt(line: String) {
     // Where there is a handler already, that one stays.
     let _ = ctrlc::set_handler(move || {
@@ -129,7 +130,7 @@ pub(crate) fn check_folder(path: &Path) -> Result<(), CliError> {
     }
 }
 
-/// The same of a folder for a report: what is there already must be a report.
+/// The same for a report's folder: an existing one must be a report.
 pub(crate) fn check_report_folder(path: &Path) -> Result<(), CliError> {
     check_folder(path)?;
     check_replaceable(path, REPORT_NAMES.into_iter())

@@ -10,13 +10,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// How often Ctrl-C was pressed since the process began.
 static INTERRUPTS: AtomicUsize = AtomicUsize::new(0);
 
-/// What has come since it was made.
+/// The signals received since it was created.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Signals {
     interrupts_before: usize,
 }
 
-/// From now on Ctrl-C only counts, and what would end the process is only noted.
+/// From now on Ctrl-C is only counted, and signals that would end the process are only noted.
 pub(crate) fn catch() -> Signals {
     static CAUGHT: Once = Once::new();
     CAUGHT.call_once(|| {
@@ -37,7 +37,7 @@ impl Signals {
         INTERRUPTS.load(Ordering::Relaxed) - self.interrupts_before
     }
 
-    /// The command is to end: somebody has asked for that who does not speak to it again.
+    /// The command is to end: SIGTERM or SIGHUP was received, which is sent only once.
     pub(crate) fn is_to_end(&self) -> bool {
         endings::came()
     }

@@ -14,7 +14,7 @@ use std::ops::Range;
 const SPAN_TICKS: u32 = 512;
 /// Points at which one is sampled.
 pub(super) const LOOKS: u32 = 128;
-/// Events longer than this crawl as well, servo ticks; what stands while none runs has nothing to look at.
+/// Events longer than this crawl as well, servo ticks; a span at rest without an event needs no samples.
 const EVENT_TICKS: u32 = 20_000;
 
 impl Sampler<'_> {

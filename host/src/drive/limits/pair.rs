@@ -7,7 +7,7 @@ use super::{Limit, Sampler, note};
 use headway_firmware::configuration::JOINTS_MAX;
 
 impl Sampler<'_> {
-    /// Looks at the motors, where there is a pair.
+    /// Samples the motors of a pair, if there is one.
     pub(super) fn pair(
         &mut self,
         [velocity, acceleration, jerk]: [[f64; JOINTS_MAX]; 3],

@@ -318,7 +318,7 @@ fn off_chord(place: Point2, start: Point2, end: Point2) -> f64 {
     (place - start - chord * share).norm()
 }
 
-/// 1 for what is drawn as seen from above, -1 from below; fails for what is tilted.
+/// 1 for an entity drawn as seen from above, -1 from below; fails for a tilted one.
 fn upright(what: &str, normal: &Vector) -> Result<f64, InputError> {
     let tilt = normal.x.hypot(normal.y);
     match tilt <= UPRIGHT * normal.z.abs() && normal.z != 0.0 {

@@ -18,8 +18,8 @@ use std::fmt::Write;
 const RECORDS_MAX: usize = 300_000;
 /// Most names of layers and kinds of entities in a message.
 const NAMES_MAX: usize = 20;
-/// The entities that are read: their required groups, and the groups passed to the crate. Of 10 and
-/// 11 (x of a point) the y, 20 and 21, comes with it.
+/// The entities that are read: their required groups, and the groups passed to the crate. 10 and 11
+/// (x of a point) include the y, 20 and 21.
 const KINDS: [(&str, &[i32], &[i32]); 8] = [
     ("LINE", &[10, 20, 11, 21], &[10, 20, 11, 21]),
     ("CIRCLE", &[10, 20, 40], &[10, 20, 40, 210, 220, 230]),
@@ -87,7 +87,7 @@ struct Reader<'a> {
     heights: Option<[f64; 2]>,
 }
 
-/// Looks through a file.
+/// Reads the records of a file.
 pub(super) fn read(text: &str, layers: &[String]) -> Result<Records, InputError> {
     let pairs = pairs(text)?;
     let mut reader = Reader {

@@ -28,10 +28,10 @@ use thiserror::Error;
 /// Layer height of a job that does not contain its own, mm.
 const LAYER_MM: f64 = 0.2;
 
-/// What is needed to begin again.
+/// The data needed to begin again.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resumption {
-    /// What is left of the job.
+    /// The rest of the job.
     pub rest: Rest,
     /// The approach to its start.
     pub way: Approach,

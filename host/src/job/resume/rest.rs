@@ -24,7 +24,7 @@ const LOOK_MM: f64 = 0.5 * CELL_MM;
 /// Most pieces of one span: 60 m/s at the longest span of a move.
 const LOOKS_MAX: usize = 4096;
 
-/// What is left of a job.
+/// The rest of a job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rest {
     /// The stream. Layers and passes are numbered as in the job.
@@ -46,7 +46,7 @@ pub struct Rest {
 /// Lengths and times of printing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Printed {
-    /// Way of the tip on passes, mm.
+    /// Path length of the tip on passes, mm.
     pub length_mm: f64,
     /// Time on passes at the planned rate, s.
     pub time_s: f64,
@@ -215,7 +215,7 @@ fn span_at(durations: &[u16], tick: u64) -> Option<usize> {
     None
 }
 
-/// Where the head rests before a span; `None` where it moves.
+/// Where the head rests before a span; `None` if it moves.
 fn rest_before(stream: &SegmentStream, span: usize) -> Option<ChannelPoint> {
     let control = |behind: usize| match span.checked_sub(behind) {
         Some(knot) => stream.knots[knot].control,
@@ -297,7 +297,7 @@ fn heat_from(events: &[HeatEvent], cut_tick: u64, lead_ticks: u64) -> Vec<HeatEv
         .collect()
 }
 
-/// What is printed from one tick to another.
+/// The print from one tick to another.
 pub fn printed_between(stream: &SegmentStream, ticks: [u64; 2], servo_hz: f64) -> Printed {
     let mut printed = Printed::default();
     for_printing_spans(stream, ticks, |span, _| {

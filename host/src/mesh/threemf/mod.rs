@@ -29,8 +29,8 @@ use unfollowed::Aside;
 const FORMAT: &str = "3MF";
 /// Components within components.
 const DEPTH_MAX: usize = 16;
-/// Objects and components that are declared, and those that are placed, each as often as it is: components
-/// repeat what is packed once, so that a few lines may name any number of them.
+/// Most objects and components that are declared, and most that are placed, repetitions included:
+/// components repeat objects that are stored once, so that a few lines may name any number of them.
 const PARTS_MAX: usize = 100_000;
 
 /// Reads what the build places.
@@ -123,7 +123,7 @@ fn mirrors(m: &Transform) -> bool {
     rows.determinant() < 0.0
 }
 
-/// The material of an item, and what is cut away from it.
+/// The material of an item, and the volumes cut from it.
 #[derive(Default)]
 struct Body {
     solid: Mesh,
@@ -272,7 +272,7 @@ impl<'a> Placing<'a> {
         }
     }
 
-    /// Some of an object's triangles, by what they are for.
+    /// Some of an object's triangles, by their role.
     fn add_triangles(
         &mut self,
         object: &Object,

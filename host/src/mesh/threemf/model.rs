@@ -80,7 +80,7 @@ impl Object {
 struct Reading {
     model: Model,
     object: Option<Object>,
-    /// The name of the setting of Cura's whose text comes next.
+    /// The name of the Cura setting whose text is next.
     setting: Option<String>,
     /// Objects, items and components.
     declared: usize,
@@ -90,7 +90,7 @@ struct Reading {
 /// Reads a model.
 ///
 /// # Errors
-/// What is no XML, values that are not numbers, more than `declared_max` objects and items.
+/// Text that is not XML, values that are not numbers, more than `declared_max` objects and items.
 pub(super) fn read_model(
     path: &str,
     text: impl BufRead,

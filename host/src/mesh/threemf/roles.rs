@@ -88,7 +88,7 @@ pub(super) struct Volume {
     pub settings: KeyValues,
 }
 
-/// What is kept of an object.
+/// The stored data of an object.
 #[derive(Debug, Default)]
 pub(super) struct ObjectNotes {
     pub name: Option<String>,
@@ -96,7 +96,7 @@ pub(super) struct ObjectNotes {
     pub volumes: Vec<Volume>,
 }
 
-/// What is kept of all objects, by their numbers, and the plates that carry some.
+/// The stored data of all objects, by their numbers, and the plates with objects.
 #[derive(Debug, Default)]
 pub(super) struct Roles {
     pub objects: HashMap<usize, ObjectNotes>,
@@ -144,7 +144,7 @@ struct Reading {
 /// Reads the object settings of PrusaSlicer, Bambu Studio or OrcaSlicer.
 ///
 /// # Errors
-/// What is no XML.
+/// Text that is not XML.
 pub(super) fn read_roles(text: &[u8]) -> Result<Roles, MeshError> {
     let mut reading = Reading::default();
     read(text, |part| {

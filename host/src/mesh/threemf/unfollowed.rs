@@ -110,7 +110,7 @@ impl Unfollowed {
         })
     }
 
-    /// One line for each kind of what is not followed.
+    /// One line for each kind of data that is not followed.
     fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if self.has_project {

@@ -54,7 +54,7 @@ pub(super) fn longest_first(unreachable: &[UnreachableRun]) -> Vec<&UnreachableR
     longest
 }
 
-/// The first places, each once with how often it comes: layers that are alike lack the same.
+/// The first places, each once with its number of occurrences: equal layers lack the same places.
 fn told_once(places: impl Iterator<Item = Place>) -> impl Iterator<Item = Place> {
     let mut told: Vec<(Place, usize)> = Vec::new();
     for place in places {

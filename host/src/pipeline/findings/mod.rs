@@ -128,7 +128,8 @@ fn all_figures(
         .merged_with(&stacked_figures(&cells))
 }
 
-/// What is open on purpose between sparse lines, and how well the rest is covered; none where nothing is.
+/// The area that is open on purpose between sparse lines, and the coverage of the rest; `None` without
+/// such area.
 pub(crate) fn sparse_figures(figures: &PlanFigures, sparse_mm2: [f64; 2]) -> Figures {
     let [ground_mm2, swept_mm2] = sparse_mm2;
     if ground_mm2 <= 0.0 {
@@ -254,7 +255,7 @@ fn kind_figures(plan: &Plan) -> Vec<KindFigures> {
         .collect()
 }
 
-/// What the user should look at before printing.
+/// Points for the user to check before printing.
 fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) -> Vec<String> {
     let length_mm: f64 = unreachable.iter().map(UnreachableRun::length_mm).sum();
     let mut warnings: Vec<String> = unreachable_note(unreachable, length_mm)

@@ -31,9 +31,9 @@ pub enum ObjectionKind {
 /// Why a job is not good.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Objection {
-    /// What it is about.
+    /// Its kind.
     pub kind: ObjectionKind,
-    /// What is wrong and where, one line.
+    /// The fault and its place, one line.
     pub text: String,
 }
 

@@ -21,7 +21,7 @@ use crate::settings::Settings;
 /// Places of each kind that are reported one by one.
 const PLACES_TOLD: usize = 3;
 
-/// Looks a plan over that took `plan_s` seconds; `laid` has the findings of its blocks.
+/// Checks a plan that took `plan_s` seconds; `laid` has the findings of its blocks.
 pub(crate) fn part_findings(
     part: &SlicedPart,
     planned: &PartPlan,
@@ -136,7 +136,7 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
     }
 }
 
-/// What the user should look at before printing.
+/// Points for the user to check before printing.
 fn warnings(part: &SlicedPart, planned: &PartPlan, settings: &Settings) -> Vec<String> {
     let mut warnings = part_warnings(part, planned);
     let length_mm = planned.unreachable_mm;

@@ -27,7 +27,7 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
     notes.into_iter().flatten().collect()
 }
 
-/// How the surface was taken.
+/// How the surface was used.
 fn on_surface(plan: &Plan) -> Option<String> {
     let laid = plan.on_surface.as_ref()?;
     let (off_mm, [x, y, z]) = (laid.off_mm, laid.off_at_mm);
@@ -190,7 +190,7 @@ fn singular_places(singular: &SingularPlaces) -> Option<String> {
     }
 }
 
-/// What became of the corners; `None` where none were to be rounded.
+/// The result of rounding the corners; `None` if none were to be rounded.
 pub(super) fn corner_figures(plan: &Plan, settings: &Settings) -> Option<CornerFigures> {
     let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
     let is_run = plan.kinds.is_empty() && !is_laid;

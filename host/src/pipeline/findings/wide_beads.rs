@@ -25,7 +25,7 @@ pub(crate) struct LateLayers {
 }
 
 impl LateLayers {
-    /// Of what each layer takes.
+    /// Of the time of each layer.
     pub(crate) fn of(uses: &[LayerUse], settings: &Settings) -> LateLayers {
         let mut seconds: BTreeMap<u32, f64> = BTreeMap::new();
         for of_layer in uses {

@@ -78,7 +78,7 @@ impl Look {
     }
 
     /// Posts and rails, a bridge along X that slides along Y, a carriage, and a column whose lower end is
-    /// `foot_mm` above where the joints say; its link carries the rest.
+    /// `foot_mm` above the position of the joints; its link carries the rest.
     fn portal(&self, mut ground: Vec<Solid>, foot_mm: f64) -> (MachineLinks, usize) {
         let [[x, x_end], [y, y_end], [z, z_end]] = self.ranges_mm;
         let post = POST_MM;

@@ -119,7 +119,7 @@ impl MachineLinks {
         links
     }
 
-    /// Adds a link whose axes are its parent's, and says its number.
+    /// Adds a link with its parent's axes, and returns its number.
     fn add(
         &mut self,
         parent: usize,
