@@ -123,7 +123,7 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// One more is done. Told under the lock, so that counts never fall.
+    /// One more is done. Reported under the lock, so that counts never decrease.
     pub fn done(&self) {
         let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
         *done += 1;

@@ -206,8 +206,7 @@ impl Subtree {
     }
 
     /// Eats free ends while they see their feet under a small angle or are narrower than the
-    /// aperture, but not beyond the widest node of a branch tip: behind a neck lies ground of its
-    /// own.
+    /// aperture, but not beyond the widest node of a branch tip: beyond a neck is a separate area.
     fn drop_flat_ends(&mut self, narrowest_mm: f64, widest: &[usize]) {
         let mut stays = vec![false; self.points.len()];
         for &node in widest {

@@ -54,7 +54,7 @@ pub fn cheapest_division(
     single
 }
 
-/// The axis and what is printed on it.
+/// The axis and the beads on it.
 struct Passages<'a> {
     axis: &'a Axis,
     neighbours: &'a [Vec<u32>],
@@ -195,8 +195,8 @@ impl<'a> Passages<'a> {
             .collect()
     }
 
-    /// Makes parts between necks that one bead spans single all over where that costs no more: what
-    /// has no end is a pass all the same, as much as two ends.
+    /// Makes parts between necks that one bead spans single throughout if that costs no more: a
+    /// part without ends still is a pass, which costs as much as two ends.
     fn make_islands_single(
         &self,
         single: &mut [bool],

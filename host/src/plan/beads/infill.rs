@@ -200,7 +200,7 @@ impl Lines<'_> {
         }
     }
 
-    /// The lines of one row: between the places where an edge is in the way.
+    /// The lines of one row, between the edges that cross it.
     fn passes_of_row(&self, row: Row, walls: &EdgeIndex) -> Vec<LayerPass> {
         let on_line = Point2::from(self.across * row.height_mm);
         let origin = self

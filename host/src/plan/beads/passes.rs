@@ -301,8 +301,8 @@ fn channel_passes(
 }
 
 /// Least slope of the field towards a channel's inner wall, relative to that at its outer wall.
-/// Beyond the bisector of a right corner the slope is none: there neither rounding nor a little
-/// noise may choose.
+/// Beyond the bisector of a right corner the slope is zero: there neither rounding nor slight noise
+/// may decide.
 const SLOPE_SHARE_MIN: f64 = 0.03;
 
 /// Distance along the normal from the channel's outer wall to its inner one (or to the axis).
@@ -338,7 +338,7 @@ fn channel_width_mm(
     t
 }
 
-/// Leaves out what is too short for a pass. Where that would be all of a piece (a room that the
+/// Drops runs that are too short for a pass. If that would drop all of a piece (a room that the
 /// aperture enters but can hardly move in), its longest run stays: whether it covers anything that
 /// others do not is checked once all exist ([`drop_idle`]).
 fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {

@@ -192,7 +192,7 @@ fn is_tip(component: &[usize], neighbours: &[Vec<u32>]) -> bool {
 struct NodesByPlace {
     /// Numbers of the nodes by rising x.
     by_x: Vec<u32>,
-    /// For each node the numbers of the links that it comes first in.
+    /// For each node the numbers of the links of which it is the first node.
     links: Vec<Vec<u32>>,
 }
 
@@ -213,7 +213,7 @@ impl NodesByPlace {
     }
 }
 
-/// The piece with its axis nodes, `None` where it belongs to single runs.
+/// The piece with its axis nodes; `None` if it belongs to single runs.
 fn piece_of(outline: Region, axis: &Axis, nodes: &NodesByPlace) -> Option<Piece> {
     let index = EdgeIndex::of_region(&outline, 1.0);
     let bounds = index.bounds();

@@ -197,7 +197,7 @@ impl Ways {
         links
     }
 
-    /// The cheapest paths from an odd node (E. Dijkstra, 1959) until `is_enough` of what was
+    /// The cheapest paths from an odd node (E. Dijkstra, 1959) until `is_enough` accepts the nodes
     /// reached.
     fn search(&self, from: usize, is_enough: impl Fn(&[(i64, usize)]) -> bool) -> Reached {
         let start = self.odd[from];

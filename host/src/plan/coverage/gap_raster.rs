@@ -64,7 +64,7 @@ struct FootprintCell {
     cell: u32,
     /// The pass covers it too, within 4a of path before or after.
     is_own: bool,
-    /// The path, gap-fill move included, comes here more than 4a apart.
+    /// The path, gap-fill move included, visits this cell more than 4a apart.
     is_returned_to: bool,
 }
 
@@ -400,7 +400,7 @@ impl<'a> Walk<'a> {
 
     /// Moves from one pose of a part towards the one before or after it, `at_mm` along the path.
     /// Places along one part only rise or only fall, so that for each cell the first and the last
-    /// visit are all that counts; the last one is put down when the path leaves it, or by
+    /// visit are all that counts; the last one is recorded when the path leaves it, or by
     /// [`Walk::end`]. The pass itself counts where cells are listed.
     fn go(&mut self, part: Part, from: Configuration, towards: Configuration, at_mm: f64) {
         let (grid, aperture, at_mm) = (self.grid, self.aperture, at_mm as f32);

@@ -55,7 +55,7 @@ pub struct Raster {
     walk: Walk,
 }
 
-/// A walk over the raster that sees each cell once; its memory is taken with the first.
+/// A walk over the raster that sees each cell once; its memory is allocated with the first.
 struct Walk {
     number: u32,
     /// The last walk that saw the cell.

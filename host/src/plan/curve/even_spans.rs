@@ -65,7 +65,7 @@ pub fn even_spans(control: &[PlaneControl], aperture: &Aperture, limits: &PoseLi
 /// A curve as closely spaced poses, with the distance along it to each.
 pub struct Way {
     poses: Vec<PlaneControl>,
-    /// Way to each, a turn counted as a length, mm.
+    /// Path length to each, a turn counted as a length, mm.
     way_mm: Vec<f64>,
     /// Poses of a span of the curve.
     of_span: usize,

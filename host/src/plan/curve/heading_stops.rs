@@ -161,8 +161,8 @@ impl Stops {
         first <= last
     }
 
-    /// For each heading the first of those before it from which all up to it fit; `None` where one
-    /// does not fit with the one before it.
+    /// For each heading the earliest one before it from which all up to it fit; `None` if one does
+    /// not fit with its predecessor.
     fn fits_from(&self, headings: &[f64], room_rad: f64) -> Option<Vec<usize>> {
         // Headings that are the least, the most of all after them.
         let (mut least, mut most) = (VecDeque::new(), VecDeque::new());

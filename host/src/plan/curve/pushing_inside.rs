@@ -18,17 +18,17 @@ use std::ops::Range;
 
 /// Largest displacement of any point of the aperture between two checked poses, of its unit. A vertex of a wall
 /// that passes a tip of radius b²/a is at most step² a / 8 b² deeper between two of them: 0.75 µm for 0.6 x 0.2
-/// mm, a quarter of that in the close look.
+/// mm, a quarter of that in the fine check.
 const STEP: f64 = 0.02;
 /// Least and most poses of a span.
 const POSES_MIN: usize = 6;
 /// See [`POSES_MIN`].
 const POSES_MAX: usize = 2000;
-/// Rounds of pushing back; each at least halves what is left.
+/// Rounds of pushing back; each at least halves the remaining cut.
 const ROUNDS_MAX: usize = 40;
 /// Round from which poses are turned as well as pushed: where pushing alone settles, headings stay.
 const TURNING_ROUND: usize = 8;
-/// Sweeps in which poses are taken back one by one.
+/// Sweeps in which poses are moved back one by one.
 const PROJECTIONS_MAX: usize = 200;
 /// Largest total displacement of a control point, relative to b: beyond it, more than half of the
 /// narrowest bead is misplaced. On slices nearly all pushes that converge move less than 0.9 of it.

@@ -49,8 +49,8 @@ const BEND_MAX: f64 = 2.0;
 const ROOT_STEPS_MAX: usize = 60;
 /// An angle this close to that of a flat side has it on the wall, rad.
 const ON_FLAT_RAD: f64 = 1e-9;
-/// Looks per query before what is left is decided by its middle: only an aperture in contact over
-/// a whole range (a passage of exactly its width) comes near it.
+/// Most tests per query before the remaining intervals are decided by their middles: only an
+/// aperture in contact over a whole range (a passage of exactly its width) comes near this number.
 const LOOKS_MAX: usize = 50_000;
 
 /// The feasible heading angles at a boundary point.
@@ -292,8 +292,8 @@ impl IntervalSearch {
         Some(free)
     }
 
-    /// Where the edge comes into contact, between angles of opposite sign: regula falsi in the
-    /// Illinois form; the end returned is the feasible one.
+    /// The angle at which the edge comes into contact, between angles of opposite sign: regula
+    /// falsi in the Illinois form; the end returned is the feasible one.
     fn root(&self, edge: &LocalEdge, mut at: [f64; 2], mut value: [f64; 2]) -> f64 {
         let feasible = usize::from(value[1] >= 0.0);
         let mut kept = 2;
@@ -382,7 +382,7 @@ impl FeasibleAngles {
     }
 
     /// The feasible angle nearest to `alpha_rad` modulo the period, in (-period/2, period/2]; `None`
-    /// where empty. Ties go to the first interval.
+    /// if empty. Ties go to the first interval.
     pub fn nearest_rad(&self, alpha_rad: f64) -> Option<f64> {
         let mut best: Option<(f64, f64)> = None;
         let period_rad = self.period_rad;
@@ -403,7 +403,7 @@ impl FeasibleAngles {
         best.map(|(found, _)| wrapped_rad(found, period_rad))
     }
 
-    /// The smallest |alpha|; `None` where empty.
+    /// The smallest |alpha|; `None` if empty.
     pub fn min_abs_rad(&self) -> Option<f64> {
         self.nearest_rad(0.0).map(f64::abs)
     }

@@ -25,7 +25,7 @@ const SAME_RAD: f64 = 1e-12;
 
 /// Edges checked first, by their distance relative to the reach of the core.
 const NEAR_SHARE: f64 = 0.1;
-/// Edges between two looks whether anything is left free.
+/// Edges between two tests for remaining free angles.
 const EDGES_BETWEEN: usize = 16;
 
 /// A side that may be flat on the wall.
@@ -140,8 +140,8 @@ fn blocked_angles(
     blocked
 }
 
-/// Every angle at which core (turning about `at`, which is the origin of the edge's frame) and
-/// edge a-b come to a distance of exactly the radius.
+/// Every angle at which the distance of core (turning about `at`, which is the origin of the edge's
+/// frame) and edge a-b is exactly the radius.
 fn critical_angles(
     shape: &RoundedPolygon,
     at: Vector2,

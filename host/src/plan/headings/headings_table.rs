@@ -21,7 +21,7 @@ use std::io::{self, Write};
 pub const HEADER: &str = "x_mm,y_mm,nx,ny,r_mm,weight,law_alpha_deg,min_alpha_deg,alpha_deg,\
 reachable,center_x_mm,center_y_mm,phi_rad";
 
-/// Candidates whose distances from the law differ by less are equally near, rad.
+/// Candidates whose distances from the law differ by less than this are equally near, rad.
 const TIE_RAD: f64 = 1e-6;
 
 /// Maximum number of parts of one edge, whatever the requested spacing.

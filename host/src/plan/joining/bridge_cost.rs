@@ -190,9 +190,8 @@ impl PairCosts<'_> {
         found.into()
     }
 
-    /// How many cells more are wasted after than before, by swept steps each with the marks of what
-    /// it belongs to: before to either loop (1, 2), after to either connection that joins them (4,
-    /// 8).
+    /// The increase of wasted cells, from swept steps, each with the marks of the path to which it
+    /// belongs: before to either loop (1, 2), after to either connection that joins them (4, 8).
     fn wasted_cells(&mut self, swept: &[(u8, Rc<[RowRun]>)]) -> i64 {
         let runs = || swept.iter().flat_map(|(_, runs)| runs.iter());
         let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
@@ -231,7 +230,7 @@ impl PairCosts<'_> {
     }
 }
 
-/// 1 where a cell under so many beads is open or covered again, 0 under one bead.
+/// 1 if a cell under this many beads is open or covered again, 0 under one bead.
 fn waste(beads: u32) -> i64 {
     i64::from(beads != 1)
 }

@@ -37,7 +37,7 @@ impl Tour {
     }
 
     /// The tour as a path that begins and ends where pass `number` is opened, and the one of the
-    /// two `ends` with which it begins; `None` where that stretch has been used before.
+    /// two `ends` with which it begins; `None` if that stretch has been used before.
     fn opened(
         &self,
         number: usize,
@@ -79,8 +79,8 @@ impl Tour {
         self.stops.is_empty()
     }
 
-    /// Both tours and the bridge as one; `None` where the bridge's ends were used before, or the
-    /// tours are open both.
+    /// Both tours and the bridge as one; `None` if the bridge's ends were used before, or both
+    /// tours are open.
     pub fn joined(&self, other: &Tour, bridge: &Bridge, passes: &[LayerPass]) -> Option<Tour> {
         let opened = |tour: &Tour, side: usize| {
             let number = bridge.loops[side];

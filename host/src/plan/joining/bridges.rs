@@ -24,8 +24,8 @@ use std::collections::BTreeMap;
 const LENGTH_SHARE: f64 = 2.6;
 /// Places tried along two neighbouring loops.
 const PLACES: usize = 6;
-/// What is taken out of either loop to begin with, against the extents of the aperture along the
-/// travel: beads side by side, or the tip of a loop that meets the flank of another bead.
+/// Length first removed from either loop, against the extents of the aperture along the travel:
+/// beads side by side, or the tip of a loop that meets the flank of another bead.
 const OPENINGS: [f64; 3] = [1.7, 0.8, 0.3];
 /// Most area that a bridge may waste, against the aperture's: left open or covered again.
 const COST_SHARE_MAX: f64 = 3.0;
@@ -37,7 +37,7 @@ const COUNT_MIN: usize = 16;
 const FITTED: usize = 3;
 /// Most moves of ends of openings, by a placement, that are tried to fit a bridge.
 const FIT_TRIES: usize = 60;
-/// What it is worth to use up the ends of a run, against the aperture's area.
+/// Gain of using up the ends of a run, against the aperture's area.
 const GAP_SAVES_SHARE: f64 = 0.5;
 /// Largest distance of the ends of an open bead that is treated like a loop, relative to a.
 const GAP_SHARE: f64 = 2.5;
@@ -71,9 +71,9 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
 /// A bridge that could be built.
 struct Candidate {
     bridge: Bridge,
-    /// What it wastes ([`BridgeCosts::cost_mm2`]).
+    /// The area that it wastes ([`BridgeCosts::cost_mm2`]).
     cost_mm2: f64,
-    /// The same, less what it is worth to use up the ends of a run: the lowest is built first.
+    /// The same, less the gain of using up the ends of a run: the lowest is built first.
     rank_mm2: f64,
 }
 
@@ -135,7 +135,7 @@ fn joined(passes: &[LayerPass], bridges: &[Bridge]) -> Vec<Tour> {
 }
 
 /// The bridge with the ends of its openings moved, placement by placement, to where it wastes
-/// least, and what it costs then.
+/// least, and its cost.
 fn fitted(
     begun: &Candidate,
     passes: &[LayerPass],
@@ -178,7 +178,7 @@ fn moves(crossed: bool) -> impl Iterator<Item = [[isize; 2]; 2]> {
     })
 }
 
-/// The ends of a bridge's openings after such a move; `None` where it would close one, make it too
+/// The ends of a bridge's openings after such a move; `None` if it would close one, make it too
 /// long, or move the ends of a run.
 fn moved(bridge: &Bridge, moves: [[isize; 2]; 2], passes: &[LayerPass]) -> Option<[[usize; 2]; 2]> {
     let mut ends = bridge.ends;
@@ -207,8 +207,8 @@ fn moved(bridge: &Bridge, moves: [[isize; 2]; 2], passes: &[LayerPass]) -> Optio
     Some(ends)
 }
 
-/// Pairs of loops with the places where they come close: placement of the one, of the other, and
-/// how far apart they are, in whole nanometres.
+/// Pairs of loops with the places where they are close: placement of the one, of the other, and
+/// their distance, in whole nanometres.
 type Near = BTreeMap<[usize; 2], Vec<(usize, usize, f64)>>;
 
 fn neighbours(passes: &[LayerPass], reach_mm: f64) -> Near {
@@ -266,7 +266,7 @@ fn candidates(
     found.chain(own_gaps).collect()
 }
 
-/// Those of two loops that waste little enough; if there is none, the cheapest once fitted.
+/// The bridges of two loops that waste little enough; if there is none, the cheapest once fitted.
 fn within_limit(
     mut found: Vec<Candidate>,
     passes: &[LayerPass],

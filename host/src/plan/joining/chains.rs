@@ -204,7 +204,7 @@ fn meetings_at(
     either.collect()
 }
 
-/// True for what has ends to be joined.
+/// True for passes with ends to join.
 fn is_open_run(pass: &LayerPass) -> bool {
     pass.kind.follows_walls() && !pass.closed && !pass.placements.is_empty()
 }
@@ -251,7 +251,7 @@ fn join(
     })
 }
 
-/// The chain that begins at an end, along all its joins; closed where it comes back there.
+/// The chain that begins at an end, along all its joins; closed if it returns there.
 fn chain(
     passes: &[LayerPass],
     from: End,

@@ -53,7 +53,7 @@ pub fn matched(pairs: &[Pair]) -> Vec<usize> {
     taken
 }
 
-/// Pairs by their ends, and which of them are taken.
+/// Pairs by their ends, and which of them are chosen.
 struct Matching<'a> {
     pairs: &'a [Pair],
     pairs_of: BTreeMap<End, Vec<usize>>,
@@ -85,7 +85,8 @@ impl Matching<'_> {
         }
     }
 
-    /// Takes a pair, or gives it up. Along a path the given up come before what takes their ends.
+    /// Chooses a pair, or gives it up. Along a path, pairs are given up before others use their
+    /// ends.
     fn exchange(&mut self, number: usize) {
         let ends = self.pairs[number].0;
         if ends.iter().all(|end| self.taken.get(end) == Some(&number)) {
@@ -108,12 +109,13 @@ struct AlternatingPath<'a> {
     matching: &'a Matching<'a>,
     seen: BTreeSet<End>,
     path: Vec<usize>,
-    /// What it costs more, and its pairs: those given up, then those taken.
+    /// Its additional cost, and its pairs: those given up, then those chosen.
     best: Option<(f64, Vec<usize>)>,
 }
 
 impl AlternatingPath<'_> {
-    /// Tries the pairs of `end`, which is over or was given up, with so many joins to give up.
+    /// Tries the pairs of `end`, which is unmatched or was given up, with this many joins left to
+    /// give up.
     fn go_on(&mut self, end: End, exchanges: usize, cost: f64) {
         let matching = self.matching;
         for &number in &matching.pairs_of[&end] {

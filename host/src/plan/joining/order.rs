@@ -198,7 +198,7 @@ struct Lengths {
 }
 
 impl Progress {
-    /// Goes on to a pass and along it.
+    /// Continues to a pass and along it.
     fn on(self, entry_points: &EntryPoints) -> Progress {
         let (at, way_mm) = entry_points.passed(self.at);
         let interrupts = self.passed > 0 && way_mm > self.lengths.link_mm;

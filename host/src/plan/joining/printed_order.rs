@@ -100,7 +100,7 @@ fn joined(
     passes
 }
 
-/// What comes once the loops are joined: the lines of an infill, bridges, sparse lines.
+/// The lines printed once the loops are joined: those of an infill, bridges, sparse lines.
 struct Finish<'a> {
     lines: Vec<LayerPass>,
     sparse: Vec<LayerPass>,

@@ -15,8 +15,8 @@ use crate::settings::{Seam, SeamPlace};
 
 /// Least turn of the wall that counts as a corner, rad.
 const CORNER_RAD: f64 = 0.35;
-/// Length of wall to each side of a placement over which its turn is taken, against b: a corner's
-/// smoothed normals and its fan are within it.
+/// Length of wall to each side of a placement over which its turn is measured, against b: a
+/// corner's smoothed normals and its fan are within it.
 const WINDOW_SHARE: f64 = 1.5;
 
 /// The pass opened at its seam; unchanged if the order chooses the seam, or if the pass is open.
@@ -43,7 +43,7 @@ fn farthest(pass: &LayerPass, direction_rad: f64) -> Option<usize> {
     (0..pass.placements.len()).min_by(|i, j| along_mm(j).total_cmp(&along_mm(i)))
 }
 
-/// The placement about which the wall turns most; `None` where it turns nowhere.
+/// The placement about which the wall turns most; `None` if it does not turn.
 fn sharpest(pass: &LayerPass, window_mm: f64) -> Option<usize> {
     let turns: Vec<f64> = (0..pass.placements.len())
         .map(|i| turn_rad(pass, i, window_mm))

@@ -115,7 +115,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// What is printed now; another pass is compared with nothing.
+    /// Sets the present pass; the first state of a pass is compared with nothing.
     fn is_printing(&mut self, pass: Option<(u32, Option<u32>)>) {
         if pass != self.pass {
             self.last = None;

@@ -28,7 +28,7 @@ use headway_protocol::units::{
 use nalgebra::{Rotation3, Vector3};
 use rayon::prelude::*;
 
-/// Side of the cells, of the aperture's unit, as long as a layer has no more than so many of them.
+/// Side of the cells, of the aperture's unit, unless a layer would have more than this many.
 const CELL: f64 = 0.02;
 const CELLS_MAX: f64 = 3e6;
 /// Longest step between poses, of the unit, and longest turn.
@@ -36,7 +36,8 @@ const STEP: f64 = 0.02;
 const STEP_RAD: f64 = 0.02;
 /// A point this far off a pose's plane, of a layer's height, is on another sheet of the surface.
 const SHEET: f64 = 2.0;
-/// Points of the outline at which its depth outside is measured, and poses that are looked at so closely.
+/// Points of the outline at which its depth outside is measured, and the number of poses checked in this
+/// detail.
 const OUTLINE: usize = 96;
 const POSES_MEASURED: usize = 400;
 /// Places from which the place of a tip is sought, about, and how many of the nearest are tried.
@@ -51,7 +52,7 @@ pub struct CurvedGround<'a> {
     pub chart: &'a dyn Chart,
     /// The nozzle's scale by place, in the chart.
     pub scale: &'a ScaleField,
-    /// What is to be covered, in the chart.
+    /// The regions to cover, in the chart.
     pub regions: &'a [Region],
     /// From the surface's coordinates to the machine's.
     pub transform: &'a PartTransform,

@@ -157,8 +157,8 @@ fn raster_cell_mm(prints: &[MeasuredPrint], unit_mm: f64) -> f64 {
     (area_mm2 / CELLS_AIM).sqrt().clamp(least_mm, most_mm)
 }
 
-/// What poses sweep that are the same as others were, to [`SAME_MM`]; the depth is then the others'
-/// and what a point of the aperture is moved by at most. `None` where they are not.
+/// The result of poses that equal earlier ones to [`SAME_MM`]; the depth is then the earlier one
+/// plus the largest displacement of a point of the aperture. `None` if they are not equal.
 fn same(
     poses: &[SweptPose],
     others: &[SweptPose],

@@ -193,7 +193,7 @@ fn judged(stations: &Stations, settings: &Settings, surface: &[Vector3]) -> Opti
     Some(all)
 }
 
-/// What is found from one station to the next.
+/// The collisions from one station to the next.
 #[derive(Default)]
 struct Found {
     touches: Vec<Touch>,

@@ -14,10 +14,11 @@ use crate::geometry::repair::FillRule;
 use crate::geometry::{Point2, Vector2};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// How far the ground is grown back after what lies within reach of the anchors was taken off, against that
-/// reach: into right corners, which are the root of 2 away.
+/// Distance by which the area is grown back after the part within reach of the anchors was removed, against
+/// that reach: into right corners, which are the root of 2 away.
 const GROWN_BACK_SHARE: f64 = 1.5;
-/// How far outside an edge it is looked whether the layer below is there, mm: well above rounding.
+/// Distance outside an edge at which the presence of the layer below is tested, mm: well above
+/// rounding.
 const LOOK_MM: f64 = 0.02;
 /// Steps of the fan, and of the search around the best of it.
 const FAN_RAD: f64 = PI / 36.0;

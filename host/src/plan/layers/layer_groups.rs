@@ -193,7 +193,7 @@ pub fn layer_groups(
     Ok(groups.collect())
 }
 
-/// What is made of each region of each kind, `[kind][region]`, `counts` of them, some side by side:
+/// The results for each region of each kind, `[kind][region]`, `counts` of them, some in parallel:
 /// those of the first regions of all kinds first, so that a prism's kinds run together.
 fn of_each_kind<U: Send>(
     counts: &[usize],

@@ -25,11 +25,11 @@ const TWICE_SHARE: f64 = 0.5;
 /// was not worth its seconds to the optimiser, and where it pays at half the price the topology lacks a bead. Else the
 /// others, until little is.
 const FILL_SHARES: [f64; 3] = [0.5, 1.0, 4.0];
-/// Share of the ground that is little: of a part as small as the aperture, or with a round nozzle, more lies where no
-/// bead goes.
+/// Share of the area that counts as little: in a part as small as the aperture, or with a round nozzle, the area
+/// that beads cannot reach is larger.
 const OPEN_SHARE: f64 = 0.02;
-/// What a curve may be moved by on its way inside, against b: 50 µm for 0.2 mm, which one pose in a thousand
-/// takes. What is farther outside is not a rest that the optimiser left.
+/// Largest displacement of a curve that is pushed inside, against b: 50 µm for 0.2 mm, which one pose in a
+/// thousand needs. A curve farther outside is not a residual of the optimiser.
 const MOVED_SHARE: f64 = 0.25;
 
 /// The curve of a pass, if there is one.
@@ -91,7 +91,7 @@ struct Begun {
     numbers: Vec<usize>,
 }
 
-/// The placements of the passes become poses of what was made of them.
+/// The placements of the passes become poses of their optimised curves.
 fn take(passes: &mut [LayerPass], begun: &mut [Begun]) {
     for (pass, begun) in passes.iter_mut().zip(begun) {
         let (control, numbers) = (&begun.unknown.control, &begun.numbers);
@@ -100,7 +100,7 @@ fn take(passes: &mut [LayerPass], begun: &mut [Begun]) {
     }
 }
 
-/// What is optimised within, and how.
+/// The walls and settings of the optimisation.
 struct RegionJob<'a> {
     site: Site<'a>,
     /// What bounds gap-fill moves: the walls, and omitted area.
@@ -177,9 +177,9 @@ impl RegionJob<'_> {
         }
     }
 
-    /// Rounds the passes where they curve more than wide beads take. Where walls leave no room for that they would only
-    /// waver: they stay as they are unless half of what is too tight is gone and little more is open than the
-    /// `open_mm2` there were. `rounded` is what they began with.
+    /// Rounds the passes where they curve more than wide beads take. If walls leave no room for that they would only
+    /// waver: they stay unchanged unless half of the tight curvature is removed and the open area is little more than
+    /// the earlier `open_mm2`. `rounded` is their start.
     fn round(&self, begun: &mut Vec<Begun>, mut rounded: Vec<Begun>, bound: f64, open_mm2: f64) {
         let tight_mm = |begun: &[Begun]| {
             let unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
@@ -195,7 +195,7 @@ impl RegionJob<'_> {
         }
     }
 
-    /// One run of the optimiser: what is open then, mm²; `None` where it does not apply.
+    /// One run of the optimiser: the area open afterwards, mm²; `None` if it does not apply.
     fn run(
         &self,
         begun: &mut [Begun],

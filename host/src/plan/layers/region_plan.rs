@@ -41,8 +41,8 @@ pub struct RegionPlan {
     pub walls: Arc<EdgeIndex>,
     /// Size of the nozzle by position in that frame, on a curved surface.
     pub scale: Option<ScaleField>,
-    /// Where the first of the walls begins and the last one ends, and of the lines, in that frame;
-    /// `None` where there are none or they may not be turned round.
+    /// Where the first of the walls begins and the last one ends, and the same for the lines, in
+    /// that frame; `None` if there are none or they may not be reversed.
     ends: [Option<[Point2; 2]>; 2],
     /// The passes before this one are walls, the others lines.
     lines_from: usize,
@@ -296,7 +296,7 @@ impl RegionWork {
         work
     }
 
-    /// The open area of a bridge: a bead's width more on its anchors than what it spans.
+    /// The open area of a bridge: its span, and a bead's width more on its anchors.
     fn bridged(&self, ground: &[Region], open: &[Region]) -> Vec<Region> {
         let aperture = &self.settings.aperture;
         let offset = self.contour.offset;
@@ -311,9 +311,9 @@ impl RegionWork {
         intersection(&grown(&inside, 2.0 * aperture.major_mm()), open)
     }
 
-    /// The area inside the walls that is filled, and the rest. What is to be filled reaches into
-    /// the rest by a bead's width, to hold on to the lines there; strips thinner than the narrowest
-    /// bead, which the walls leave on a slope, are not filled.
+    /// The area inside the walls that is filled, and the rest. The filled area extends into the
+    /// rest by a bead's width, to bond to the lines there; strips thinner than the narrowest bead,
+    /// which the walls leave on a slope, are not filled.
     fn divided(&self, open: &[Region], infill: &Infill, solid: &[Region]) -> [Vec<Region>; 2] {
         if infill.is_solid() {
             return [open.to_vec(), Vec::new()];

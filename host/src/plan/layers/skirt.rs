@@ -37,7 +37,7 @@ const AXIS_ANGLE_MIN_RAD: f64 = 1.4;
 /// it takes no part in them.
 const FRAME_SHARE: f64 = 4.0;
 
-/// What is planned around a target.
+/// The plan around a target.
 #[derive(Clone, Debug)]
 pub struct SkirtPlan {
     /// Add this to local coordinates to get the input's.
@@ -221,7 +221,7 @@ fn loop_passes(
     found
 }
 
-/// Half the bead that fits between the contact and half the way to a wall that faces it.
+/// Half the bead that fits between the contact and half the distance to a wall that faces it.
 fn room_mm(contact: &Contact, walls: &EdgeIndex, aperture: &Aperture) -> f64 {
     let a = aperture.major_mm();
     let mut free_mm = 4.0 * a;

@@ -311,8 +311,8 @@ pub fn joint_point(kinematics: &Kinematics, point: &CurvePoint) -> Result<JointP
     })
 }
 
-/// Share of what the controller takes beyond the ends of a range that the path may use: the other half is for the
-/// fit and for rounding to wire units.
+/// Share of the controller's tolerance beyond the ends of a range that the path may use: the other half is for
+/// the fit and for rounding to wire units.
 const PATH_SLACK_SHARE: f64 = 0.5;
 
 /// Fails where a joint is outside its range; `positions` with their turns.

@@ -20,10 +20,10 @@ use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNELS};
 /// Longest distance and turn between two samples at first.
 const LOOK_MM: f64 = 2.0;
 const LOOK_RAD: f64 = 0.05;
-/// Looks at each span at least and at most.
+/// Fewest and most samples of each span.
 const LOOKS_PER_SPAN: [f64; 2] = [2.0, 4000.0];
 /// Turn of a joint between two samples above which it is sampled more closely, and the number of halvings
-/// before it counts as a jump: to steps of a thousandth of a look.
+/// before it counts as a jump: to steps of a thousandth of a sample.
 const CLOSER_RAD: f64 = 0.5;
 const HALVINGS_MAX: u32 = 10;
 
@@ -35,8 +35,8 @@ pub type Windings = Vec<Winding<f64>>;
 pub struct Followed {
     /// Least time by the speeds of tip and joints, s.
     pub seconds: f64,
-    /// Least time by those of the joints alone: of two solutions that the tip's speed binds, the one
-    /// whose joints have less to do is better.
+    /// Least time by the joints' limits alone: of two solutions that the tip's speed limits, the one
+    /// whose joints move less is better.
     joint_seconds: f64,
     /// Turns at the start of each move.
     pub windings: Windings,
@@ -131,7 +131,7 @@ pub fn follow(route: &Route, settings: &Settings) -> Result<Followed, (usize, Mo
     })
 }
 
-/// The joints at the last look.
+/// The joints at the last sample.
 struct Follower<'a> {
     settings: &'a Settings,
     winding: Winding<f64>,

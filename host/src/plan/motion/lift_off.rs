@@ -19,9 +19,9 @@ use crate::plan::motion::singular::Passes;
 use crate::plan::route::moves::{PathCurve, tilt};
 use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS};
 
-/// A path this near to the pole goes through it, rad. What is dropped of its tilt is no more.
+/// A path this near to the pole goes through it, rad. No more than this is dropped of its tilt.
 const NEAR_RAD: f64 = 2e-4;
-/// The direction of the tilt is taken this far from the pole, rad.
+/// The direction of the tilt is measured this far from the pole, rad.
 const STRAIGHT_RAD: f64 = 5e-3;
 /// No nearer to the pole, rad: the wire's resolution still gives a direction, and the axis is off by less
 /// than the half milliradian that a pass may be.

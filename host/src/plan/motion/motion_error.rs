@@ -40,7 +40,7 @@ pub enum MotionError {
         pose_hint(*error)
     )]
     Kinematics {
-        /// What is wrong with the pose.
+        /// The error of the pose.
         error: KinematicsError,
         /// Tip position, machine coordinates.
         at_mm: [f64; 3],

@@ -28,7 +28,7 @@ pub struct PathSample {
     volume_second_mm3: f64,
 }
 
-/// Way of the tip along the samples, mm.
+/// Path length of the tip along the samples, mm.
 pub fn tip_way_mm(samples: &[PathSample]) -> f64 {
     let pairs = samples.windows(2);
     pairs
@@ -66,7 +66,7 @@ const SAMPLE_STEP_RAD: f64 = 0.03;
 /// Longest time between samples at the limit of the tip's speed: where it alone binds, the rate
 /// follows the shape of the path, and between coarser samples of a slow path it runs beyond.
 const SAMPLE_STEP_S: f64 = 0.1;
-/// As close as that brings samples, of the unit: slower paths have no more of them.
+/// Least distance of samples, of the unit: slower paths get no more of them.
 const SAMPLE_STEP_MIN: f64 = 0.003;
 /// Least samples a span and a move: second derivatives are linear in a span.
 const SAMPLES_PER_SPAN_MIN: usize = 2;

@@ -30,7 +30,8 @@ use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use std::f64::consts::{PI, TAU};
 
-/// Way over which the axis is led off the path and back, mm: several spans of a waypoint curve.
+/// Path length over which the axis is moved off the path and back, mm: several spans of a waypoint
+/// curve.
 const RAMP_MM: f64 = 3.0;
 /// A turn in place counts as this distance, mm per radian.
 const LEVER_MM: f64 = 20.0;
@@ -53,7 +54,8 @@ pub struct SingularPlaces {
     pub places: usize,
     /// By how much the tool axis is led off the path at most, rad; 0 where the path is only slowed.
     pub led_by_rad: f64,
-    /// What slowing costs more than leading past, s; `None` where slowing alone is not enough.
+    /// Additional time of slowing over avoiding the place, s; `None` if slowing alone is not
+    /// enough.
     pub slowing_s: Option<f64>,
     /// Number of lift-offs, and their total cost, s.
     pub lifts: usize,
@@ -117,7 +119,8 @@ pub fn passed_places(
     }
 }
 
-/// The fastest of the joint solutions in which the passes come near singular places, led past these.
+/// The fastest of the joint solutions in which the passes come near singular places, with the passes
+/// moved around these.
 fn least_led(passes: &Passes, start: Point, settings: &Settings) -> Option<PassedPlaces> {
     let tolerance_rad = settings.axis_tolerance_rad;
     let mut best: Option<PassedPlaces> = None;
@@ -227,7 +230,7 @@ fn singular_axis(kinematics: &Kinematics, pose: &Point) -> Option<Vector3<f64>> 
 
 /// A control point of a pass.
 struct Place {
-    /// Way from the pass's beginning, mm.
+    /// Path length from the pass's beginning, mm.
     way_mm: f64,
     /// From the singular direction's frame.
     to_machine: Rotation3<f64>,
@@ -263,7 +266,7 @@ fn lead_past(pass: &mut [PathCurve], kinematics: &Kinematics, tolerance_rad: f64
     leads.len()
 }
 
-/// The pass's control points about the singular direction; `None` where there is none.
+/// The pass's control points about the singular direction; `None` if there is none.
 fn places(pass: &[PathCurve], kinematics: &Kinematics) -> Option<Vec<Place>> {
     let mut places: Vec<Place> = Vec::new();
     let mut before: Option<Point> = None;
@@ -285,7 +288,7 @@ fn places(pass: &[PathCurve], kinematics: &Kinematics) -> Option<Vec<Place>> {
     Some(places)
 }
 
-/// Ranges of places that come within the tolerance, those closer than their ramps as one.
+/// Ranges of places that are within the tolerance, those closer than their ramps as one.
 fn near_stretches(places: &[Place], tolerance_rad: f64) -> Vec<[usize; 2]> {
     let mut near: Vec<[usize; 2]> = Vec::new();
     for (index, pair) in places.windows(2).enumerate() {
@@ -309,9 +312,9 @@ fn least_tilt(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
     (from + share.clamp(0.0, 1.0) * step).norm()
 }
 
-/// What is added around a stretch near a singular place, as a share of the tolerance.
+/// The tilt added around a stretch near a singular place, as a share of the tolerance.
 struct Lead {
-    /// Where it begins to grow, is whole, begins to shrink, has gone: way, mm.
+    /// Where it begins to increase, is complete, begins to decrease, has ended: path length, mm.
     ways_mm: [f64; 4],
     /// Direction where it begins, and by how much it turns, rad.
     from_rad: f64,
@@ -319,7 +322,7 @@ struct Lead {
 }
 
 impl Lead {
-    /// `None` where the pass never leaves the singular direction: nothing turns there.
+    /// `None` if the pass never leaves the singular direction: nothing turns there.
     fn of(&[first, last]: &[usize; 2], places: &[Place]) -> Option<Lead> {
         let begin = (places[first].way_mm > RAMP_MM)
             .then(|| places.partition_point(|place| place.way_mm < places[first].way_mm - RAMP_MM));

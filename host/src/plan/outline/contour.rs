@@ -124,7 +124,7 @@ impl Contour {
     }
 }
 
-/// The ring without needless points, oriented; `None` where nothing is left.
+/// The ring without needless points, oriented; `None` if nothing remains.
 fn cleaned_ring(ring: &Ring, tolerance_mm: f64, is_exterior: bool) -> Option<Ring> {
     let mut points: Vec<Point2> = Vec::with_capacity(ring.points.len());
     for &p in &ring.points {

@@ -301,8 +301,8 @@ impl PlacementSearch<'_> {
         &self.scaled[first..self.scaled.len().min(first + EDGES_PER_BOX)]
     }
 
-    /// Vector from the nearest boundary point to the centre, scaled; any of length 1 where none is
-    /// nearer.
+    /// Vector from the nearest boundary point to the centre, scaled; any vector of length 1 if none
+    /// is nearer.
     fn away_from_nearest(&self, center: Vector2) -> Vector2 {
         let mut best = Vector2::x();
         let mut best2 = 1.0;

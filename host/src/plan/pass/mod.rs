@@ -85,7 +85,7 @@ pub struct LayerPass {
 }
 
 impl LayerPass {
-    /// Way of the centre from the first placement to the last, mm.
+    /// Path length of the centre from the first placement to the last, mm.
     pub fn length_mm(&self) -> f64 {
         let pairs = self.placements.windows(2);
         pairs

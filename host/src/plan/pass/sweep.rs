@@ -17,7 +17,7 @@ const POSE_STEP: f64 = 1.0 / 6.0;
 const POSE_STEP_MAX: f64 = 0.5;
 /// Largest turn between interpolated poses, rad.
 const POSE_TURN_RAD: f64 = 0.05;
-/// Most poses put between two placements.
+/// Most poses inserted between two placements.
 const POSES_MAX: usize = 64;
 
 /// Poses between two placements, without both, so dense that their union is the sweep.

@@ -83,7 +83,7 @@ impl BeadCurve {
     }
 }
 
-/// A pass whose headings are to be chosen, or are.
+/// A pass whose headings are to be chosen, or are given.
 pub struct Bead {
     way: Way,
     widths_mm: Vec<f64>,
@@ -120,7 +120,8 @@ impl Bead {
         })
     }
 
-    /// What headings are to be chosen for, with the time of the travel to it; `None` where they are given.
+    /// The lines whose headings are to be chosen, with the time of the travel to them; `None` if they are
+    /// given.
     pub fn lines(&self, arrival_s: f64) -> Option<BeadLines> {
         match self.headings {
             Headings::Told(_) => None,

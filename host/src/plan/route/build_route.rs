@@ -237,7 +237,7 @@ impl Head<'_> {
         self.push(MotionState::Hold, pass.layer, None, here, ahead_s, None);
     }
 
-    /// Stands until the material is at the aperture, but for the lead.
+    /// Waits until the material is at the aperture, less the lead.
     fn prime(&mut self, pass: &PlanePass, volume_mm3: &[f64]) {
         let legs = pass.control.windows(2);
         let length_mm = legs.map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]));
@@ -340,7 +340,7 @@ pub fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
 
 /// The heading at which a pass is entered: of those equal to its own for the deposit the nearest to
 /// `from_rad` from which all of the pass stays within the stops of the joint that turns the nozzle.
-/// Where there is none the nearest of all: the check of the joints' ranges then names the joint.
+/// If there is none, the nearest of all: the check of the joints' ranges then names the joint.
 fn entry_heading(pass: &PlanePass, from_rad: f64, settings: &Settings) -> f64 {
     entry_heading_of(|| pass.control.iter().map(|c| c[2]), from_rad, settings)
 }

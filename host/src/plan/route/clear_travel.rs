@@ -18,12 +18,13 @@ use headway_reach::Pose;
 use headway_reach::profile::HeadProfile;
 use nalgebra::{Rotation2, Vector2, Vector3};
 
-/// Looks at a route's travels: about ten seconds of a processor with as many points as there may be.
+/// Most checks of a route's travels: about ten seconds of a processor with the largest number of
+/// points.
 const LOOKS_MAX: usize = 200_000;
-/// Way and turn between two looks.
+/// Distance and turn between two checks.
 const LOOK_MM: f64 = 0.5;
 const LOOK_RAD: f64 = 0.05;
-/// Most points of what is printed: with more, they are twice as far apart.
+/// Most points of the print: with more, they are twice as far apart.
 const POINTS_MAX: usize = 100_000;
 /// Distance of the points at first.
 const SPACING_MM: f64 = 0.5;
@@ -114,7 +115,7 @@ pub struct PrintedSoFar {
 }
 
 impl PrintedSoFar {
-    /// Nothing yet; `None` where the head's shape is not known.
+    /// Nothing yet; `None` if the head's shape is not known.
     pub fn nothing(settings: &Settings) -> Option<PrintedSoFar> {
         Some(PrintedSoFar {
             head: settings.head.as_ref()?.profile(),

@@ -131,7 +131,7 @@ fn beads(passes: &[GcodePass], start: [f64; CHANNELS], way: &GcodeWay) -> Vec<Op
     chosen.collect()
 }
 
-/// Time that a travel to a pass takes, about; the first comes from anywhere.
+/// Approximate time of the travel to a pass; the first one may start anywhere.
 fn travel_s(from: Option<Place>, pass: &GcodePass, settings: &Settings) -> f64 {
     let Some(from) = from else {
         return FIRST_TRAVEL_S;
@@ -242,7 +242,8 @@ impl Head<'_> {
         self.route_move(MotionState::Travel, pass.layer, control);
     }
 
-    /// The motion of a travel that was planned before; `None` where it does not lead from here to where the pass begins.
+    /// The motion of a travel that was planned before; `None` if it does not lead from here to the beginning of the
+    /// pass.
     fn planned_travel(
         &self,
         pass: &GcodePass,
@@ -278,7 +279,7 @@ impl Head<'_> {
         is_there.then_some(curves)
     }
 
-    /// Volume, duration of a push; `None` where there is none.
+    /// Volume, duration of a push; `None` if there is none.
     fn push(&self, push: Option<Push>, own_mm3: f64, own_rate_mm3_s: f64) -> Option<(f64, f64)> {
         let push = push?;
         let settings = self.way.settings;

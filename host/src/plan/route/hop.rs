@@ -45,7 +45,7 @@ pub(super) struct Hop<'a> {
 }
 
 impl Hop<'_> {
-    /// The control points; `None` where there is nothing to cross.
+    /// The control points; `None` if there is nothing to cross.
     pub(super) fn control(&self, settings: &Settings) -> Option<Vec<[f64; CHANNELS]>> {
         let way = Polyline::new(self.legs);
         let (up_mm, down_mm) = (

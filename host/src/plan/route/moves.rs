@@ -19,7 +19,7 @@ pub struct PathCurve {
 /// One rest-to-rest move of the route.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RouteMove {
-    /// What it is.
+    /// Its kind.
     pub state: MotionState,
     /// Layer from 0.
     pub layer: u32,
@@ -94,7 +94,7 @@ pub fn tip(pose: &[f64; CHANNELS]) -> Vector3<f64> {
     Vector3::from_fn(|i, _| pose[CHANNEL_X + i])
 }
 
-/// Way of the tip along these points, mm.
+/// Path length of the tip along these points, mm.
 pub fn way_mm(control: &[[f64; CHANNELS]]) -> f64 {
     let legs = control.windows(2);
     legs.map(|pair| (tip(&pair[1]) - tip(&pair[0])).norm())

@@ -18,7 +18,7 @@ use crate::geometry::{Point2, Vector2};
 pub const NODES_MAX: usize = 3000;
 /// Largest turn that one node represents.
 const NODE_TURN_RAD: f64 = std::f64::consts::FRAC_PI_6;
-/// Nodes are this much farther out than the clearance, lines of sight may come this much closer:
+/// Nodes are this much farther out than the clearance, lines of sight may be this much closer:
 /// rounding.
 const ROUNDING_MM: f64 = 1e-7;
 /// Length of the parts in which a line of sight is checked, cells of the index.
@@ -32,7 +32,7 @@ pub struct TravelRouter {
     inside: bool,
     clearance_mm: f64,
     nodes: Vec<Point2>,
-    /// The nodes that each node sees, once it was asked.
+    /// The nodes that each node sees, once computed.
     seen: Vec<Option<Vec<u32>>>,
 }
 

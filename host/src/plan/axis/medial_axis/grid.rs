@@ -11,7 +11,7 @@ use crate::geometry::Point2;
 use crate::geometry::Vector2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 
-/// Grid unit: on 1 nm the diagram gave silently wrong vertices, on 100 nm none.
+/// Grid unit: with 1 nm the diagram gave silently wrong vertices, with 100 nm it did not.
 const UNIT_MM: f64 = 1e-4;
 /// Largest coordinate in grid units, well inside an i32 with room for the diagram's own sums.
 const COORDINATE_MAX: f64 = (1 << 29) as f64;

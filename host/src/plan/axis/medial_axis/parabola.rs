@@ -8,8 +8,8 @@ use super::Generator;
 use crate::geometry::edge_index::Edge;
 use crate::geometry::{Point2, Vector2};
 
-/// A focus closer to its line than the diagram can distinguish, mm: what it calls a parabola is the
-/// perpendicular there, and the edge is drawn straight.
+/// A focus closer to its line than the diagram can distinguish, mm: its parabola is then the
+/// perpendicular at the focus, and the edge is drawn straight.
 const HEIGHT_MIN_MM: f64 = 5e-4;
 
 /// The parabola between a point and a line: `base` is the focus' foot on the line, `height` its

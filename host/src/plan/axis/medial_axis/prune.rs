@@ -31,7 +31,7 @@ pub struct PruneOptions {
     pub object_angle_min_rad: f64,
     /// A leaf shorter than this many times the radius at its base is removed.
     pub leaf_length_ratio: f64,
-    /// Components whose largest radius is below this go (the aperture's b, or a bit less).
+    /// Components whose largest radius is below this are dropped (the aperture's b, or a bit less).
     pub radius_min_mm: f64,
 }
 
@@ -246,8 +246,8 @@ fn drop_bare_vertices(pruned: &mut MedialAxis) {
     pruned.link();
 }
 
-/// Largest disks first: a maximum of the radius comes back where neither the pruned axis nor a
-/// vertex brought back before passes through the middle of its disk.
+/// Largest disks first: a maximum of the radius is restored if neither the pruned axis nor a vertex
+/// restored before passes through the middle of its disk.
 fn add_unseen_maxima(axis: &MedialAxis, pruned: &mut MedialAxis, radius_min_mm: f64) {
     let radius = |v: usize| axis.vertices[v].radius_mm;
     let mut maxima = radius_maxima(axis);

@@ -77,7 +77,8 @@ pub enum MedialAxisError {
 struct RawEdge {
     v: [usize; 2],
     generators: [Generator; 2],
-    /// True for a parabola whose straight chord agrees with the boundary where it does not.
+    /// True for a parabola whose straight chord agrees with the boundary although the parabola does
+    /// not.
     is_straight: bool,
 }
 

@@ -13,8 +13,8 @@ use crate::geometry::polygon::Box2;
 use crate::plan::pass::Contact;
 use rayon::prelude::*;
 
-/// An edge that rises less than this above the tangent is not cut by what touches there, against b:
-/// hardly less than what may be cut.
+/// An edge that rises less than this above the tangent is not cut by an aperture that touches
+/// there, against b: slightly less than the permitted cut.
 const RISE_SHARE: f64 = 0.95 * CUT_SHARE_MAX;
 /// Far above the rounding of places, mm.
 const NEAR_MM: f64 = 1e-6;
@@ -24,8 +24,8 @@ const NEAR_MM: f64 = 1e-6;
 pub enum Ahead {
     /// Edges that some heading may cut.
     Edges(EdgesAbout),
-    /// None: at no heading does the placement cut more than permitted. All of them are inside, or
-    /// none is.
+    /// No edges: at no heading does the placement cut more than permitted. All of them are inside,
+    /// or none is.
     Clear {
         /// Inside.
         is_inside: bool,
@@ -56,8 +56,9 @@ impl Ahead {
     }
 }
 
-/// The edges that an aperture touching the wall at `contact` may cut by more than it may, whatever
-/// its heading: near enough, not behind the tangent, and not beside the disk that it keeps in.
+/// The edges that an aperture touching the wall at `contact` may cut by more than permitted at some
+/// heading: near enough, not behind the tangent, and not outside the disk that contains the
+/// aperture.
 fn edges_ahead(contact: &Contact, aperture: &Aperture, walls: &EdgeIndex) -> Vec<Edge> {
     let p = contact.point;
     let reach_mm = 2.0 * aperture.reach_mm() + NEAR_MM;

@@ -78,7 +78,7 @@ impl<'a> Along<'a> {
         })
     }
 
-    /// A table's value `along_mm` further along than contact `i`; `None` where that has no length.
+    /// A table's value `along_mm` further along than contact `i`; `None` if that has no length.
     fn entry(&self, table: &[f64], i: usize, along_mm: f64) -> Option<f64> {
         if self.contacts[i].length_mm <= 0.0 || self.length_mm <= 0.0 {
             return None;

@@ -33,7 +33,7 @@ use rayon::prelude::*;
 
 /// Heading bins over the 180° of a symmetric aperture: 3° each, refined afterwards.
 const BINS: usize = 60;
-/// Step of what is wanted along a run, against b: half the distance of contacts.
+/// Step of the wanted extent along a run, against b: half the distance of contacts.
 const ENTRY_SHARE: f64 = 0.25;
 /// Weight of turning against a v / √A, with v the tip's speed and A the heading's acceleration limit:
 /// that is a times how far the tip goes while the heading turns by a radian. From trials on real slices,
@@ -263,7 +263,7 @@ fn tilt_cost(turn: Turn, normal: Vector2) -> f64 {
 }
 
 /// Slides a placement off the walls along their contact normals, at most `rounds` times, until it
-/// cuts no deeper than `cut_share`; `None` where that does not succeed or it is outside.
+/// cuts no deeper than `cut_share`; `None` if that does not succeed or it is outside.
 pub fn slide_inside(
     at: Configuration,
     aperture: &Aperture,

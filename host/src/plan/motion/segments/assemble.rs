@@ -10,7 +10,7 @@ use crate::settings::Settings;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNEL_Z, ChannelPoint, Ticks, Units};
 
-/// Joins the moves, the head resting so many ticks before each.
+/// Joins the moves, the head resting the given ticks before each.
 pub fn assemble(
     route: &Route,
     finished: &[FinishedMove],

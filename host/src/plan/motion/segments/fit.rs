@@ -280,7 +280,7 @@ pub fn shares_of_path(path: &TickPath, durations_ticks: &[u16]) -> Vec<SpanShare
 pub struct SpanShare {
     /// Sums of products of weights.
     weights: [[f64; 4]; 4],
-    /// Sums of weights times what is wanted.
+    /// Sums of weights times the wanted values.
     right: [[f64; CHANNELS]; 4],
 }
 

@@ -18,21 +18,21 @@ use headway_protocol::units::{CHANNEL_X, CHANNELS};
 const SPAN_TICKS_MIN: usize = 6;
 /// Longest span of a move: 128 ms, or the tip's time for a distance of 0.1 mm in base units. Over a
 /// shorter distance the rounding to wire units shows as speed (0.1 um in 0.1 mm is 0.1 %). Half of
-/// what the wire has leaves room for slowing.
+/// the wire's limit leaves room for slowing.
 const SPAN_TICKS_LONG: f64 = 256.0;
 const SPAN_WAY_MM: f64 = 0.1;
 const SPAN_TICKS_LONGEST: f64 = 0.5 * SPAN_TICKS_MAX as f64;
 /// Spans to begin with.
 const SPAN_TICKS_FIRST: f64 = 12.0;
-/// How late a knot may come for the span before it to keep its least length.
+/// Largest delay of a knot that keeps the preceding span at its least length.
 const LATE_TICKS_MAX: usize = 3;
 /// Rounds of spreading and of halving; a span of 256 ticks halves seven times.
 const SPREAD_ROUNDS: usize = 7;
 const HALVING_ROUNDS: usize = 8;
 /// Error that the spreading aims at, against the tolerance.
 const ERROR_AIM: f64 = 0.65;
-/// Error that a span of a layout before may grow to, below what is allowed ([`ERROR_MAX`]): cutting
-/// it would show the limits what the path does within a few milliseconds.
+/// Error that a span of an earlier layout may grow to, below the permitted one ([`ERROR_MAX`]):
+/// cutting it would expose to the limits what the path does within a few milliseconds.
 const ERROR_KEPT: f64 = 1.75;
 /// Error of the fit, relative to its share of the tolerance, that slows the motion down: the full
 /// tolerance with a margin for the error between ticks.
@@ -143,8 +143,8 @@ pub struct Layout {
     shares: Vec<SpanShare>,
 }
 
-/// A layout before, and for each span of the next one the span of it under which the path is the
-/// very same, tick by tick and at the tick behind.
+/// An earlier layout, and for each span of the next one its span with the identical path, tick by
+/// tick and at the following tick.
 struct Before<'a> {
     layout: &'a Layout,
     spans: Vec<Option<usize>>,
@@ -155,7 +155,7 @@ impl Before<'_> {
         self.layout.sums.get(self.spans[span]?)
     }
 
-    /// The span before whose neighbours are as long as those of this one are.
+    /// The earlier span whose neighbours have the same lengths as those of this one.
     fn same_between(&self, span: usize, durations_ticks: &[u16]) -> Option<usize> {
         let before = &self.layout.spline.durations_ticks;
         let around = durations_around(durations_ticks, span);
@@ -334,8 +334,8 @@ pub fn lay_out_again(
     Layout::new(path, &durations, tolerances, Some(&before)).refined(path, tolerances, ERROR_KEPT)
 }
 
-/// Cuts the spans beyond `error_max` in two; none where nothing is to be cut. With the durations
-/// the numbers of those that stay.
+/// Cuts the spans beyond `error_max` in two; `None` if there are none. With the durations it gives
+/// the numbers of the unchanged ones.
 fn halve(
     durations_ticks: &[u16],
     errors: &[f64],

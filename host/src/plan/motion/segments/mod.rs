@@ -132,7 +132,7 @@ pub fn lay_segments_with_progress(
     Ok((stream, report))
 }
 
-/// Longest move that is taken over from an earlier layer, servo ticks.
+/// Longest move that is reused from an earlier layer, servo ticks.
 const TAKEN_TICKS_MAX: u64 = 1 << 20;
 /// Largest step between moves that rounding explains, mm, rad or mm³.
 const GAP_MAX: f64 = 1e-7;

@@ -16,7 +16,7 @@ use headway_protocol::units::CHANNEL_VOLUME;
 
 /// Sum against the planned share of a limit that counts as kept: durations of events are whole ticks.
 const KEPT: f64 = 1.001;
-/// A rest grows by so many ticks until the sum keeps the limits.
+/// A rest grows in steps of this many ticks until the sum keeps the limits.
 const STEP_TICKS: usize = 2;
 
 /// Something that the extruder does, from a tick of the job on.
@@ -62,7 +62,7 @@ impl Source<'_> {
         }
     }
 
-    /// What it makes of the extruder's rate and acceleration at a tick, per tick.
+    /// Its contribution to the extruder's rate and acceleration at a tick, per tick.
     fn of_extruder(&self, tick: f64, limits: &MotionLimits) -> (f64, f64) {
         let middle = tick - f64::from(limits.advance_delay_ticks);
         match self {
@@ -82,7 +82,7 @@ impl Source<'_> {
         }
     }
 
-    /// The same so many ticks later.
+    /// The same this many ticks later.
     fn shifted(self, ticks: f64) -> Self {
         match self {
             Source::Flow(flow) => Source::Flow(Flow {
@@ -156,7 +156,7 @@ fn sources<'a>(
     sources
 }
 
-/// An event of a move that begins at a tick and lasts so many, as `assemble` puts it there.
+/// An event of a move that begins at a tick and lasts this many, as `assemble` places it.
 fn event_run(event: MoveEvent, start_tick: f64, ticks: f64, servo_hz: f64) -> EventRun {
     let in_ticks = |seconds: f64| (seconds * servo_hz).round();
     let (volume_mm3, duration_s, offset) = match event {

@@ -54,7 +54,7 @@ pub struct Shaping<'a> {
 pub struct FirstTiming {
     /// The motion with which fitting begins.
     law: TimeLaw,
-    /// Way of the tip, mm.
+    /// Path length of the tip, mm.
     way_mm: f64,
     /// How long the move takes without limits of the jerk, s.
     least_s: f64,

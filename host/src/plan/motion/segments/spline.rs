@@ -73,7 +73,7 @@ impl RestSpline {
         self.durations_ticks.iter().map(|&h| u64::from(h)).sum()
     }
 
-    /// The same path in so many times the time.
+    /// The same path in this multiple of the time.
     pub fn slower(mut self, factor: u16) -> RestSpline {
         for ticks in &mut self.durations_ticks {
             *ticks = ticks.saturating_mul(factor).min(SPAN_TICKS_MAX);

@@ -42,7 +42,7 @@ impl<'a> TickPath<'a> {
         &self.units
     }
 
-    /// The same, each tick so many servo ticks long.
+    /// The same, each tick this many servo ticks long.
     pub fn on_coarse_ticks(self, coarse: u16) -> Self {
         Self {
             span_ticks_max: (SPAN_TICKS_MAX / coarse).max(1),

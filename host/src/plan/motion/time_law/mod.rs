@@ -62,13 +62,13 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
     2 * (seconds * limits.servo_hz / 2.0).ceil() as usize
 }
 
-/// Way that nothing exceeds in a tick, mm or rad: what ticks are made coarser up to. Corners are rounded over
-/// 50 µm, of which a dozen ticks show the limits all that is to be seen.
+/// Largest displacement in a tick, mm or rad, up to which ticks are made coarser. Corners are rounded over 50
+/// µm, in which a dozen ticks are enough for the limits.
 const WAY_OF_TICK: f64 = 0.004;
 /// Most servo ticks of a coarse one: a longest span has 32 of them.
 const COARSE_MAX: u16 = 128;
-/// Coarse ticks that a move keeps at least, so that short ones stay as they are: the windows in which speeds grow
-/// have so many coarse ticks as they have others, 1 % of these.
+/// Least number of coarse ticks of a move, so that short ones are unchanged: the windows in which speeds grow are
+/// 1 % of these.
 const COARSE_TICKS_MIN: f64 = 8192.0;
 
 /// Servo ticks per step of a move's time law, a power of two: a very slow move needs no more work than one of
@@ -96,8 +96,8 @@ pub fn coarseness(samples: &[PathSample], limits: &MotionLimits) -> u16 {
 
 /// Longest move: beyond it a limit is next to zero somewhere, and the ticks would fill memory.
 const STRETCH_MAX_S: f64 = 6.0 * 3600.0;
-/// A move that takes longer than this may take so many times what it would at the tip's speed:
-/// planning takes its time by the ticks, and what is slower is a limit that is not meant.
+/// A move that takes longer than this may take this multiple of its time at the tip's speed:
+/// planning time grows with the ticks, and a slower move comes from an unintended limit.
 const PATIENCE_S: f64 = 20.0 * 60.0;
 const SLOWDOWN_MAX: f64 = 200.0;
 

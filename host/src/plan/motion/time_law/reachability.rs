@@ -101,9 +101,9 @@ impl Cell {
         (low, low_slope, high, high_slope)
     }
 
-    /// x here and the largest at the cell's end. Where a row hardly sees ü, its bound of ü falls
-    /// from one end of the range to the other within a rounding of x, and the last of what is
-    /// controllable leads to a stop: there a little less here gives far more there.
+    /// x here and the largest at the cell's end. If a row hardly depends on ü, its bound of ü falls
+    /// from one end of the range to the other within a rounding of x, and the largest controllable
+    /// x leads to a stop: a slightly smaller x here allows a far larger one at the cell's end.
     fn advanced(&self, x: f64, next_max: f64) -> (f64, f64) {
         let next_of = |x: f64| {
             let (_, _, high, _) = self.bounds(x, next_max);
@@ -143,7 +143,7 @@ impl Cell {
 /// The room is piecewise linear with at most two pieces a row: more steps cannot be needed.
 const NEWTON_STEPS_MAX: usize = 4 * ROWS_MAX + 4;
 
-/// A fall of x over one cell to less than this share is looked into.
+/// A fall of x over one cell to less than this share is examined.
 const FALL: f64 = 0.5;
 /// Shares of x that may be given up for more at the next sample, as powers of ten.
 const GIVEN_UP_EXPONENTS: std::ops::RangeInclusive<i32> = -12..=-3;

@@ -100,9 +100,9 @@ pub fn ease_rates(u: &[f64], rate: &[f64], window_s: f64) -> Vec<f64> {
     )
 }
 
-/// Where the samples lie further apart than the window, the rest at an end reaches over its
-/// neighbours, and the motion would stand still there for ever. The rise from rest and the fall to
-/// it are no peaks: they keep their rates, below the plateau beside them.
+/// If the samples are further apart than the window, the rest at an end extends over its
+/// neighbours, and the motion would never leave it. The rise from rest and the fall to it are not
+/// peaks: they keep their rates, below the adjacent plateau.
 fn lift_ends(opened: &mut [f64], rate: &[f64]) {
     let last = rate.len() - 1;
     let moves = |opened: &[f64], i: &usize| opened[*i] > RATE_MIN;

@@ -15,14 +15,15 @@ const SPEED_SHARE: f64 = 0.1;
 const SPEED_RUN: f64 = 2.0;
 /// Where the extruder allows less than this, its bound is the leg's speed, mm/s: a crawl is a move of its own.
 const CRAWL_MM_S: f64 = 1.0;
-/// Way in which one speed becomes another one, spans of the curve and share of the faster one's.
+/// Path length over which the speed changes, in spans of the curve and as a share of the faster
+/// one's.
 const CHANGE_SPANS: f64 = 1.0;
 const CHANGE_SHARE: f64 = 0.3;
-/// Longest move, s: of less than the six hours that are planned in one piece. The ticks of so many seconds, faster
-/// than what crawls, take 840 MB.
+/// Longest move, s: of less than the six hours that are planned in one piece. The ticks of this many seconds, at
+/// more than a crawl, take 840 MB.
 const MOVE_S_MAX: f64 = 18_000.0;
 const TICKED_S_MAX: f64 = 6_000.0;
-/// What is slower than this has coarser ticks (`coarseness` of the time law).
+/// Slower moves have coarser ticks (`coarseness` of the time law).
 const TICKED_MM_S: f64 = 2.0;
 /// Legs of alike speed, from vertex to vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,12 +31,12 @@ pub(super) struct Stretch {
     ends: [usize; 2],
     speed_mm_s: f64,
     length_mm: f64,
-    /// Share of what one move may have of time and ticks.
+    /// Share of the time and ticks permitted for one move.
     load: f64,
 }
 
 impl Way {
-    /// A leg's share of what one move may have.
+    /// A leg's share of the time and ticks permitted for one move.
     fn load(&self, leg: usize, settings: &Settings) -> f64 {
         let (length_mm, of_leg) = (self.length_mm[leg], &self.legs[leg]);
         let fastest_mm_s = settings.speed_mm_s * settings.plan_share;

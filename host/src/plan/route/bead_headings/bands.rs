@@ -11,7 +11,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Longest link, in semi-axes a: 3 mm of a nozzle of 1.2 mm. Supports are 2.5 mm apart.
 const LINK_SHARE: f64 = 5.0;
-/// Angles closer than this to 0° or 90° are these: the range goes on behind them.
+/// Angles closer than this to 0° or 90° count as these: the range continues beyond them.
 const EDGE_RAD: f64 = 0.01;
 /// Narrowest range, rad: the tolerance of headings.
 const RANGE_MIN_RAD: f64 = 4e-4;
@@ -22,7 +22,7 @@ pub const TURN_REACH_SHARE: f64 = 5.0;
 /// Headings of a leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegBands {
-    /// What it may have.
+    /// The permitted headings.
     pub choice: Choice,
     /// A link, over which the heading is held.
     pub is_link: bool,
@@ -61,8 +61,8 @@ fn angles_rad(width_mm: f64, share: f64, aperture: &Aperture) -> [f64; 2] {
     }
 }
 
-/// The range that holds these angles from the travel, on the side of the positive ones: it goes on through the travel
-/// and through the normal where it reaches them.
+/// The range that holds these angles from the travel, on the side of the positive ones: it continues through the
+/// travel and through the normal if it reaches them.
 fn range_of([low, high]: [f64; 2]) -> Range {
     let from = if low == 0.0 { -high } else { low };
     let to = if high == FRAC_PI_2 { PI - low } else { high };

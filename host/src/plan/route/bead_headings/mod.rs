@@ -26,8 +26,8 @@ use crate::geometry::hermite::hermite;
 use crate::settings::Settings;
 use nodes::Node;
 
-/// By what share a bead may be wider or narrower than the file's on a long straight leg (numbers), some way from
-/// corners, and beside them.
+/// Share by which a bead may be wider or narrower than the file's on a long straight leg (numbers), at some
+/// distance from corners, and near them.
 const EXACT_SHARE: f64 = 0.0003;
 const FAR_SHARE: f64 = 1.0 / 8.0;
 const NEAR_SHARE: f64 = 1.0 / 3.0;
@@ -60,7 +60,7 @@ pub struct HeadingTrack {
     headings_rad: Vec<f64>,
     /// Rates of change, rad/mm.
     slopes: Vec<f64>,
-    /// Length whose bead is another one than the file's.
+    /// Length whose bead differs from the file's.
     pub off: WidthOff,
 }
 

@@ -13,8 +13,8 @@ const STEP_SHARE: f64 = 0.3;
 const STEP_MAX_SHARE: f64 = 2.0;
 /// Nodes closer than this share of the least distance are one.
 const MERGE_SHARE: f64 = 0.4;
-/// How far beside a corner a bead may be of nearly the width of the file's, and right at it of any, in semi-axes
-/// a: 1 mm and 0.42 mm of a nozzle of 1.2 mm.
+/// Distance from a corner within which a bead may have nearly the width of the file's, and within which it may
+/// have any, in semi-axes a: 1 mm and 0.42 mm of a nozzle of 1.2 mm.
 const NEAR_REACH_SHARE: f64 = 5.0 / 3.0;
 const FREE_REACH_SHARE: f64 = 0.7;
 /// At most this share of a leg is free from either end: its middle has nearly its width.

@@ -66,12 +66,13 @@ impl Choice {
 
 /// Cost of turning between the middles of ranges relative to turning from range to range.
 const MIDDLE_SHARE: f64 = 0.05;
-/// What it costs to turn back on a leg without a straight middle, rad: the nozzle comes to rest there.
+/// Cost of turning back on a leg without a straight middle, rad: the nozzle comes to rest there.
 const BACK_RAD: f64 = 0.7;
 /// Directions of the last turn.
 const SIDES: usize = 2;
 
-/// A state of the search: the choice of a leg, counted on, and which way the nozzle turned last.
+/// A state of the search: the choice of a leg, counted on, and the last direction of the nozzle's
+/// turn.
 #[derive(Clone, Copy, Debug)]
 struct State {
     cost: f64,

@@ -15,8 +15,8 @@ use std::f64::consts::TAU;
 
 /// How often times and headings are found.
 const ROUNDS: usize = 2;
-/// Iterations of the interior-point method, and the mean product of slack and multiplier at which it ends, beside
-/// that at its begin.
+/// Iterations of the interior-point method, and the mean product of slack and multiplier at which it ends,
+/// relative to the initial one.
 const ITERATIONS: usize = 30;
 const GAP_SHARE: f64 = 1e-6;
 /// Share of the distance to the next bound that a step covers, and the factor by which the products

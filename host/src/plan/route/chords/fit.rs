@@ -13,11 +13,12 @@ use headway_protocol::units::CHANNELS;
 
 /// Share of the tip's and the heading's tolerance that the curve may be off a place.
 const PLACE_SHARE: f64 = 1.0;
-/// The same beside a chord, beside which the motion itself lies by up to three: what is tried for, and what is good enough.
-/// What is tried for takes more control points, of beads time as well: on the u-part 2 % for 1.5.
+/// The same next to a chord, from which the motion itself deviates by up to three: the target, and the accepted
+/// value. A smaller target takes more control points, and for beads time as well: on the u-part 2 % for 1.5.
 pub(super) const TRAVEL_SHARES: [f64; 2] = [1.5, 4.0];
 pub(super) const BEAD_SHARES: [f64; 2] = [4.0, 4.0];
-/// Least weight of points of chords (fitted), beside which the motion lies by ten times and more what places are rounded by.
+/// Least weight of points of chords (fitted), from which the motion deviates by ten times the rounding of places and
+/// more.
 const CHORD_WEIGHT: f64 = 1e-2;
 /// Weight of third differences (fitted on u-part, gear and bracket): with a control point a place they even out
 /// roundings, which are jerk, and nothing else.
@@ -35,13 +36,13 @@ pub(super) struct Passed {
     pub weight: f64,
 }
 
-/// Weight of a point of a chord, whose nearest neighbours are so many times as far as places are there: where it is off is
-/// acceleration by the square of that.
+/// Weight of a point of a chord whose nearest neighbours are this many times as far as places are there: its error
+/// appears in the acceleration by the square of that.
 pub(super) fn chord_weight(times: f64) -> f64 {
     (CHORD_WEIGHT * times * times).min(1.0)
 }
 
-/// Control points of even spans, halved until the curve is as near as it must be; `None` where that takes too many.
+/// Control points of even spans, halved until the curve is near enough; `None` if that takes too many.
 pub(super) fn fitted(
     passed: &[Passed],
     places: usize,

@@ -115,7 +115,7 @@ impl Chords {
         })
     }
 
-    /// Its curves from rest to rest; `None` where its times are of no smooth motion.
+    /// Its curves from rest to rest; `None` if its times are not those of a smooth motion.
     pub fn curves(&self, settings: &Settings) -> Option<Vec<ChordMove>> {
         let goes_on = |before: &FileMove, after: &FileMove| !rests_between(before, after);
         let pieces = self.moves.chunk_by(goes_on);

@@ -5,7 +5,8 @@
 
 use std::collections::VecDeque;
 
-/// The fastest within a chord of this mean speed and time, by the acceleration, with so many of its ends at rest.
+/// The highest speed within a chord of this mean speed and time, by the acceleration, with this many of its ends
+/// at rest.
 pub fn peak_mm_s(mean_mm_s: f64, seconds: f64, rests: usize, acceleration_mm_s2: f64) -> f64 {
     let by_change = 0.25 * acceleration_mm_s2 * seconds;
     if rests == 0 {

@@ -33,7 +33,7 @@ pub struct FreshShares {
 }
 
 impl FreshShares {
-    /// Nothing was covered before, for so many poses.
+    /// Nothing was covered before, for this many poses.
     pub fn all(poses: usize) -> FreshShares {
         FreshShares {
             start: 1.0,
@@ -95,7 +95,7 @@ fn on_raster(pose: &Configuration) -> Configuration {
     }
 }
 
-/// All of it where it takes in nothing.
+/// The whole, if it covers nothing.
 fn fresh_share(advance: &Advance) -> f64 {
     match advance.cells {
         0 => 1.0,
@@ -103,10 +103,10 @@ fn fresh_share(advance: &Advance) -> f64 {
     }
 }
 
-/// Least cells that a share is taken of.
+/// Fewest cells of which a share is computed.
 const CELLS_MIN: u32 = 200;
 
-/// Shares from counts. A step that takes in few cells has the share of the steps about it.
+/// Shares from counts. A step that covers few cells has the share of the steps around it.
 fn shares(counts: &[Advance]) -> FreshShares {
     let Some((first, steps)) = counts.split_first() else {
         return FreshShares::default();

@@ -73,7 +73,7 @@ impl Outline {
     }
 }
 
-/// Mean over an edge of the positive part of what goes linearly from `a` to `b`.
+/// Mean over an edge of the positive part of a value that changes linearly from `a` to `b`.
 fn positive_mean(a: f64, b: f64) -> f64 {
     match (a > 0.0, b > 0.0) {
         (true, true) => 0.5 * (a + b),

@@ -119,7 +119,7 @@ fn volumes_of_group<'a>(
         .collect()
 }
 
-/// Poses along a curve, so dense that their union is what it sweeps, and which of them are at its
+/// Poses along a curve, so dense that their union is the swept area, and which of them are at its
 /// control points' parameters.
 fn sampled(control: &[PlaneControl], aperture: &Aperture) -> (Vec<Configuration>, Vec<usize>) {
     let step_mm = pose_step_mm(aperture);

@@ -36,7 +36,7 @@ const CHORD_SHARE: f64 = 2e-4;
 /// The target without the area of the keep-outs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cleared {
-    /// What is left, input coordinates.
+    /// The remaining regions, input coordinates.
     pub regions: Vec<Region>,
     /// Lost area, mm².
     pub lost_mm2: f64,
@@ -101,7 +101,7 @@ pub struct Detours {
 }
 
 impl Detours {
-    /// `None` where the keep-outs have more corners than can be routed around.
+    /// `None` if the keep-outs have more corners than can be routed around.
     pub fn new(keep_out: &[Region], settings: &Settings) -> Option<Detours> {
         let reversed = |ring: &Ring| Ring {
             points: ring.points.iter().rev().copied().collect(),
@@ -145,8 +145,8 @@ impl Detours {
             && legs.into_iter().all(|w| self.router.sees(w[0], w[1]))
     }
 
-    /// Where the head turns freely: `Some(None)` where it does already, `None` where it cannot get
-    /// there straight.
+    /// Where the head turns freely: `Some(None)` if it does already, `None` if it cannot get there
+    /// in a straight line.
     fn exit(&self, at: Configuration) -> Option<Option<Point2>> {
         if self.router.is_free(at.center) {
             return Some(None);

@@ -134,7 +134,7 @@ struct Blocked {
     /// Its waypoint, in the pass.
     waypoint: usize,
     tip_mm: Vector3,
-    /// What is in the way, in the order in which it came to stand; the table where there is none.
+    /// The obstacle or print point, by its order of printing; `None` for the table.
     by: Option<usize>,
 }
 

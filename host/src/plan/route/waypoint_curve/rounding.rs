@@ -61,7 +61,7 @@ pub struct RoundedCorners {
     pub axis_off_rad: f64,
     /// By how much a heading that is given is off at most at corners of the path, rad.
     pub heading_off_rad: f64,
-    /// Corners of the path where the head comes to rest all the same.
+    /// Corners of the path where the head still comes to rest.
     pub rests: usize,
 }
 
@@ -339,8 +339,8 @@ impl Stretch<'_> {
         std::array::from_fn(|c| (self.poses[i][c] - self.poses[i - 1][c]) / chord_mm)
     }
 
-    /// These channels, with corners where the path has them and at their own; of the latter those that a spline takes as
-    /// gently by itself are none.
+    /// These channels, with corners where the path has them and at their own; a corner that a spline passes as gently
+    /// by itself does not count.
     fn part(&self, channels: RangeInclusive<usize>, own: &[usize], tolerance: f64) -> Rounded {
         // What the fit of the curve may be off is no deviation.
         let tolerance = tolerance.max(NONE_RAD);

@@ -24,7 +24,7 @@ const AHEAD_SHARE: f64 = 0.4;
 /// Thickness of a chain's very beginning, of the layer's.
 const BEGIN_SHARE: f64 = 0.25;
 
-/// The route with loops joined; `None` where nothing is.
+/// The route with loops joined; `None` if none are joined.
 pub fn joined(route: &Route, settings: &Settings) -> Option<Route> {
     let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
     for printed in prints(route) {
@@ -67,7 +67,7 @@ pub fn joined(route: &Route, settings: &Settings) -> Option<Route> {
     Some(Route { moves: made.moves })
 }
 
-/// The moves so far, and how much heading and volume of those to come are off.
+/// The moves so far, and the offset of heading and volume of the following ones.
 #[derive(Default)]
 struct Made {
     moves: Vec<RouteMove>,
@@ -149,7 +149,7 @@ struct Loop {
 }
 
 /// The next loop, a layer higher, from its continuation of the end of one in its direction: reversed if it has
-/// the other direction, beginning at its nearest point; `None` where that is too far.
+/// the other direction, beginning at its nearest point; `None` if that is too far.
 fn gone_on(
     control: &[Point],
     next: &[Point],

@@ -161,7 +161,7 @@ fn solved_window(
 }
 
 /// u at the ticks of a motion that takes `slowness` (at ticks) times as long; slowed so that it ends
-/// on a tick and lasts at least so many.
+/// on a tick and lasts at least this many.
 fn run_at(u_at_tick: &[f64], slowness: &[f64], least_ticks: usize) -> Vec<f64> {
     let last = u_at_tick.len() - 1;
     let at = |tick: isize| u_at_tick[tick.clamp(0, last as isize) as usize];
