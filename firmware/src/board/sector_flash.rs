@@ -142,7 +142,7 @@ impl<B: FlashBus> SectorFlash<B> {
         work: impl FnOnce(&mut Self) -> Result<(), FlashError>,
     ) -> Result<(), FlashError> {
         self.wait()?;
-        // Errors of before would refuse what comes.
+        // Earlier errors would refuse the next operation.
         self.bus.set_register(STATE, FLAGS);
         if self.bus.register(CONTROL) & LOCK != 0 {
             for key in KEYS {
@@ -154,7 +154,7 @@ impl<B: FlashBus> SectorFlash<B> {
         }
         let done = work(self);
         if done == Err(FlashError::Busy) {
-            // Nothing more can be told it.
+            // The flash accepts no further command.
             return done;
         }
         self.bus.set_register(CONTROL, LOCK);

@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn datagrams_are_those_of_other_programs_and_no_flipped_bit_passes() {
-        // As widely used libraries send them: GCONF and IFCNT of node 0 are asked for.
+        // As widely used libraries send them: requests for GCONF and IFCNT of node 0.
         assert_eq!(read(0, 0x00), [0x05, 0x00, 0x00, 0x48]);
         assert_eq!(read(0, 0x02), [0x05, 0x00, 0x02, 0x8f]);
         let mut right = [0x05, 0xff, 0x06, 0x21, 0x00, 0x01, 0x80, 0];

@@ -9,7 +9,7 @@ const NEVER: u32 = u32::MAX;
 
 /// The bounded queue.
 #[derive(Clone, Debug)]
-// What every tick uses comes first.
+// Fields that every tick uses are first.
 #[repr(C)]
 pub struct EventQueue {
     /// Span of the next event, so that a servo tick need not check it before.

@@ -56,7 +56,7 @@ impl ActiveEvent {
 
 /// The extruder's state.
 #[derive(Clone, Debug)]
-// What every tick uses comes first.
+// Fields that every tick uses are first.
 #[repr(C)]
 pub struct Flow {
     /// Advance by the increase over the window, 2^-20.

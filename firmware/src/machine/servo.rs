@@ -52,7 +52,7 @@ pub struct ServoDone {
 }
 
 /// What the servo owns.
-// The motion is large: what comes after it is far.
+// The motion is large: fields after it are far away.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Servo {

@@ -92,7 +92,7 @@ pub enum CommandError {
 
 /// The servo side of the machine.
 #[derive(Clone, Debug)]
-// What every tick uses comes first, within the reach of one instruction; the queue is last.
+// Fields that every tick uses are first, within the reach of one instruction; the queue is last.
 #[repr(C)]
 pub struct Motion {
     programmer: StepProgrammer,

@@ -83,7 +83,7 @@ const SHORT_TICKS: u32 = 256;
 
 /// The bounded queue.
 #[derive(Clone, Debug, Default)]
-// What every tick uses comes first.
+// Fields that every tick uses are first.
 #[repr(C)]
 pub struct KnotQueue {
     queued_ticks: u32,

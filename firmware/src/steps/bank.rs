@@ -107,7 +107,7 @@ fn insert(turns: &mut [Turn; TURNS], count: usize, mut new: Turn) -> usize {
 
 /// One interval.
 #[derive(Clone, Debug, Default)]
-// What every tick uses comes first.
+// Fields that every tick uses are first.
 #[repr(C)]
 pub struct StepBank {
     pub(super) motors: [Motor; MOTORS_MAX],

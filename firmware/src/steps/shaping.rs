@@ -69,7 +69,7 @@ impl Shaper {
 
     /// True if its numbers make sense; that it fits the line is [`Delays::of`](crate::steps::delay::Delays::of)'s.
     pub(crate) fn is_right(&self, servo_hz: u32) -> bool {
-        // A period of at least four servo ticks: shorter ones cannot be told from others.
+        // A period of at least four servo ticks: shorter ones cannot be distinguished from others.
         let highest_hz = f64::from(servo_hz) / 4.0;
         self.kind == ShaperKind::None
             || ((FREQUENCY_MIN_HZ..=highest_hz).contains(&self.frequency_hz)

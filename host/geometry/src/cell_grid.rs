@@ -153,7 +153,7 @@ impl CellGrid {
         let y = (at.center.y - self.origin.y) * per_mm - 0.5;
         let reach = aperture.reach_mm() * per_mm;
         let [rows, columns] = [window.rows, window.columns].map(|ends| ends.map(whole));
-        // A cell further than what is beside it for sure: rounding.
+        // One cell more than the reach of the aperture, for rounding.
         let beside = x + reach + 1.0 < columns[0] || x - reach - 1.0 > columns[1];
         if y + reach < rows[0] || y - reach > rows[1] || beside {
             return;

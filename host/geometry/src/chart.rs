@@ -291,7 +291,7 @@ mod tests {
             assert!((along - step).norm() < 1e-6, "{along} {step}");
             assert!(along.dot(&frame.normal).abs() < 1e-9);
         }
-        // Up the steepest way a bead lies as wide as in the plan, along it on the level wider.
+        // A bead up the steepest slope is as wide as in the plan, one along the level is wider.
         let jet = SplineSurface::jet(&fitted.surface, 4.0, -3.0);
         let slope = Vector2::new(jet.slope[0], jet.slope[1]);
         let level = Vector2::new(-slope.y, slope.x);

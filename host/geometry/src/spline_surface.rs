@@ -449,7 +449,7 @@ mod tests {
             assert!((jet.slope[0] + x / z).abs() < 0.012, "{x} {y}: {jet:?}");
             assert!((jet.slope[1] + y / z).abs() < 0.012, "{x} {y}: {jet:?}");
         }
-        // Beyond the rim it goes on as steeply as before, about.
+        // Beyond the rim it continues with about the same slope.
         let beyond = fitted.surface.jet(15.0, 8.0);
         assert!((beyond.z_mm - sphere(15.0, 8.0)).abs() < 1.0, "{beyond:?}");
     }

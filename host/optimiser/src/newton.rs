@@ -120,7 +120,7 @@ impl Objectives<'_> {
         system.clear();
         self.motion
             .add(knots, passes, hardness.limits, &mut terms, system);
-        // They begin within their bound, and what is soft would let them into a corner that they don't come back from.
+        // They begin within their bound, and a soft bound would let them into a corner from which they do not return.
         if let Some(curves) = &self.curves {
             curves.add(knots, passes, CURVES, &mut terms, system);
         }

@@ -283,7 +283,7 @@ impl Patience {
                 self.paused_us = 0;
             }
             if wait != self.wait && [wait, self.wait].contains(&Wait::Resume) {
-                // Pauses that come and go add up, so that they buy no time without end.
+                // Repeated pauses add up, so that they do not extend the time without end.
                 let waited_us = now_us.saturating_sub(self.since_us);
                 self.paused_us += waited_us.max(PROGRESS_US);
                 self.since_us = now_us;

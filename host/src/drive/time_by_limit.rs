@@ -270,7 +270,7 @@ mod tests {
                 slow.into_iter()
                     .all(|pair| pair[0].seconds >= pair[1].seconds)
             );
-            // No place is told twice.
+            // No place is reported twice.
             for (i, one) in found.slow_places.iter().enumerate() {
                 let others = found.slow_places[..i].iter();
                 let apart = |other: &SlowPlace| {

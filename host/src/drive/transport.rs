@@ -305,7 +305,7 @@ impl Drop for Listener {
     fn drop(&mut self) {
         #[cfg(unix)]
         if let Listener::Unix(_, path) = self {
-            // A file that is gone already needs no removal.
+            // A file that no longer exists needs no removal.
             let _ = std::fs::remove_file(path);
         }
     }

@@ -377,7 +377,7 @@ fn read_header(input: &mut impl Read, length: u64) -> Result<(JobHeader, u64), J
 }
 
 fn parse_header(body: &[u8]) -> Result<JobHeader, JobFileError> {
-    // The versions come first in the header, so that they can be read whatever follows.
+    // The versions are first in the header, so that they can be read whatever follows.
     let versions: (u16, u16, u32) = postcard::take_from_bytes(body)
         .map(|(versions, _)| versions)
         .map_err(|_| damaged(8, "header", "it cannot be read"))?;

@@ -327,7 +327,7 @@ pub struct Board<'a> {
 
 /// Places the machine where the interrupts expect it, before any of them is on; `None` if it cannot
 /// be run.
-// Never part of its caller: what is built on the stack here is gone when the main loop begins.
+// Never inlined into its caller: this function's stack is free again when the main loop begins.
 #[inline(never)]
 pub fn set_up(board: &Board, output: Output) -> Option<Receiver> {
     let Board {

@@ -60,7 +60,7 @@ pub fn set_up(rcc: &RCC, flash: &FLASH) -> Option<Fault> {
     if stopped && core_from_pll(rcc, source) {
         return fault;
     }
-    // Once more without the crystal; if that is no clock either, there is nobody to be told.
+    // Once more without the crystal; if that fails too, the fault cannot be reported to anyone.
     if source == FROM_CRYSTAL && core_from_pll(rcc, FROM_INTERNAL) {
         return Some(board_fault(2));
     }

@@ -43,7 +43,7 @@ pub enum Outlook {
 
 /// The playing side of the motion.
 #[derive(Clone, Debug)]
-// What every tick uses comes first.
+// Fields that every tick uses are first.
 #[repr(C)]
 pub struct Interpolator {
     local_q16: u32,

@@ -300,7 +300,7 @@ mod tests {
             }));
             let words = panicked.unwrap_err();
             assert_eq!(words.downcast_ref(), Some(&"what nobody expects"));
-            // What the board itself has: a look at it may come later than its answer.
+            // The board's own state: it may be read later than its answer.
             drop(ended);
             assert!(!board.join().unwrap());
         });

@@ -65,7 +65,7 @@ fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
     let kind_of_layer = kinds_of_layers(planned);
     // A range of layers need not begin with the first.
     let lowest = planned.stream.marks.first().map_or(0, |mark| mark.layer);
-    // A job from a file may have come without its settings, a part's layers are all different.
+    // A job from a file may be without its settings, and a part's layers all differ.
     if layers <= 1 || kind_of_layer.len() != layers as usize {
         let label = match layers {
             0 | 1 => String::new(),

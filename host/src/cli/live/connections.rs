@@ -115,6 +115,6 @@ async fn serve(stream: TcpStream, service: Arc<Service>, is_answered: Arc<Atomic
         .header_read_timeout(HEAD_PATIENCE)
         .auto_date_header(false)
         .serve_connection(TokioIo::new(stream), service_fn(answer));
-    // A client that has gone, or takes too long, does no harm.
+    // A client that has disconnected, or takes too long, does no harm.
     let _ = tokio::time::timeout(LIFE_MAX, connection).await;
 }

@@ -75,7 +75,7 @@ async fn accept(listener: TcpListener, service: Arc<Service>, most: usize) -> io
         connections.make_room().await;
         match listener.accept().await {
             Ok((stream, _)) => connections.serve(stream),
-            // That client has gone again.
+            // That client has disconnected again.
             Err(error)
                 if matches!(
                     error.kind(),

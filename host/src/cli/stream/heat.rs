@@ -36,7 +36,7 @@ impl StreamHeat {
         let mut events = of_job(job)?;
         for (name, celsius) in [("bed", args.bed), ("hot-end", args.hot_end)] {
             let Some(celsius) = celsius else { continue };
-            // Says what is wrong with the option.
+            // Reports the error of the option.
             heat(name, celsius, true)?;
             let heater = if name == "bed" { BED } else { HOT_END };
             replace(&mut events, HeatOrder::wait_for(heater, celsius));

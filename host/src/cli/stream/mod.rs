@@ -56,7 +56,7 @@ pub(crate) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         .transpose()?;
     let operator = Operator::of_stream(&args.port, console, live);
     let printed = print(args, job, heat, resumed.as_ref(), &operator);
-    // The line may be gone: then the board switches off by itself.
+    // The line may be lost: then the board switches off by itself.
     let off = operator.switch_off();
     let Printed {
         result,

@@ -362,7 +362,7 @@ mod tests {
         std::fs::create_dir_all(report.join("plan.svg").join("full")).unwrap();
         assert!(write_folder(&report, &files(&three)).is_err());
         assert_eq!(names(&report), ["mine", "plan.svg", "report.json"]);
-        // What cannot even be written beside leaves the old report as it is.
+        // If even the temporary file cannot be written, the old report is unchanged.
         let bad = [("index.html", "four"), ("no/such/folder", "four")];
         let other = folder.path().join("other");
         write_folder(&other, &files(&one)).unwrap();

@@ -20,7 +20,7 @@ pub(crate) struct Signals {
 pub(crate) fn catch() -> Signals {
     static CAUGHT: Once = Once::new();
     CAUGHT.call_once(|| {
-        // Where it cannot be caught Ctrl-C ends the program, as ever; the board comes to rest.
+        // If it cannot be caught, Ctrl-C ends the program as usual; the board comes to rest.
         let _ = ctrlc::set_handler(|| {
             INTERRUPTS.fetch_add(1, Ordering::Relaxed);
         });

@@ -156,7 +156,7 @@ mod tests {
         let pieces = slice(&region, &cuts);
         let mut rings: Vec<usize> = pieces.iter().map(|piece| piece.rings().count()).collect();
         rings.sort_unstable();
-        // The neck and the rest, whose outline goes on along the hole.
+        // The neck and the rest, whose outline continues along the hole.
         assert_eq!(rings, [1, 1]);
         let area_mm2 = pieces.iter().map(Region::area_mm2).sum::<f64>();
         assert!((area_mm2 - region.area_mm2()).abs() < 1e-4);

@@ -93,7 +93,7 @@ fn chains(links: &[[u32; 2]], near: &[Vec<usize>], chosen: &[bool], costs: &[i64
                 cost: 0,
             };
             let (mut at, mut link) = (start, first);
-            // Ends at a key node: no link is gone along twice.
+            // Ends at a key node: no link is followed twice.
             while !std::mem::replace(&mut taken[link], true) {
                 chain.links.push(link);
                 chain.cost += costs[link].abs();

@@ -79,7 +79,7 @@ fn joined_up(passes: &[LayerPass], mut joins: Vec<Join>, aperture: &Aperture) ->
     }
     let mut taken = vec![false; passes.len()];
     let mut result = Vec::new();
-    // Chains from their free ends first; what is left then goes round.
+    // Chains from their free ends first; the remaining ones are closed.
     for start_free in [true, false] {
         for number in 0..passes.len() {
             let free = [0, 1].map(|end| !at_end.contains_key(&(number, end)));

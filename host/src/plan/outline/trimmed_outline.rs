@@ -411,7 +411,7 @@ mod tests {
                 if is_clear && outside_depth_mm(&ELLIPSE, at, &walls) == 0.0 {
                     kept += 1;
                     let depth_mm = outside_depth_mm(&ELLIPSE, at, &hull);
-                    // The clearance between two points of the outline is not asked.
+                    // The clearance between two points of the outline is not tested.
                     assert!(depth_mm < 1e-4, "{at:?}: {depth_mm}");
                 }
             }

@@ -132,7 +132,7 @@ impl TravelRouter {
             };
             done[node] = true;
             if self.sees(self.nodes[node], to) {
-                // The least of all that are open: nothing shorter comes.
+                // The least of all open ones: no shorter one follows.
                 best = Some(node);
                 break;
             }

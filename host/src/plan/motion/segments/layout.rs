@@ -115,7 +115,7 @@ impl Density {
                 piece += 1;
             }
             let at = done + (wanted - before) / self.per_tick[piece];
-            // Ticks kept for the knots that are still to come.
+            // Ticks reserved for the following knots.
             let least = last_knot + SPAN_TICKS_MIN;
             let latest = ticks - SPAN_TICKS_MIN * (spans - knot);
             let place = (at.round() as usize).clamp(least.min(latest), latest);

@@ -161,7 +161,7 @@ fn off(lines: &BeadLines, nodes: &[Node], headings_rad: &[f64], aperture: &Apert
     let share = |node: &Node, heading_rad: f64| {
         let width_mm = lines.widths_mm[node.leg];
         let laid_mm = bands::width_mm(heading_rad - lines.travel_rad[node.leg], aperture);
-        // The nozzle cannot lay what is wider or narrower than itself.
+        // The nozzle cannot lay a bead wider or narrower than itself.
         let asked_mm = width_mm.clamp(2.0 * aperture.minor_mm(), 2.0 * aperture.major_mm());
         (laid_mm / asked_mm - 1.0).abs()
     };

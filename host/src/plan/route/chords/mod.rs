@@ -274,7 +274,7 @@ impl Piece<'_> {
             };
             let ends = [beside(i.checked_sub(1)), beside(Some(i + 1))];
             let chords = of.points.len() - 1;
-            // Few moves have few places: what lies between them holds the curve.
+            // Few moves have few places: points between them hold the curve.
             let longest = match self.moves.len() < PARTS_MIN {
                 true => 1.0 / PARTS_MIN.max(chords) as f64,
                 false => 1.0 / chords as f64,
