@@ -18,7 +18,7 @@ use crate::plan::pass::PassKind;
 use crate::plan::route::flow::pass_volumes::volumes_mm3;
 use crate::plan::route::hop::{Hop, is_right_above};
 use crate::plan::route::keep_out::Way;
-use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
+use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::plan::route::travel::{TravelError, TravelWays};
 use crate::settings::Settings;
 use crate::settings::kinds::KindSettings;
@@ -126,18 +126,11 @@ impl Head<'_> {
         if let Some(&last) = control.last() {
             self.at = last;
         }
-        let curve = PathCurve { control };
         self.route.moves.push(RouteMove {
-            state,
-            layer,
             pass,
-            curve,
             dwell_s,
-            speed_mm_s: None,
-            speeds_mm_s: Vec::new(),
-            acceleration_mm_s2: None,
-            parts: Vec::new(),
             event,
+            ..RouteMove::new(state, layer, control)
         });
     }
 

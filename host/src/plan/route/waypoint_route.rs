@@ -340,18 +340,7 @@ impl Clearance {
 }
 
 fn route_move(state: MotionState, control: Vec<Point>) -> RouteMove {
-    RouteMove {
-        state,
-        layer: 0,
-        pass: None,
-        curve: PathCurve { control },
-        dwell_s: 0.0,
-        speed_mm_s: None,
-        speeds_mm_s: Vec::new(),
-        acceleration_mm_s2: None,
-        parts: Vec::new(),
-        event: None,
-    }
+    RouteMove::new(state, 0, control)
 }
 
 /// A travel; nothing where it would not move.
