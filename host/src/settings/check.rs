@@ -249,6 +249,16 @@ impl Settings {
         Ok(())
     }
 
+    /// The density of lines whose spacing is given; after every change of the aperture.
+    pub(super) fn space_lines(&mut self) {
+        let widest_mm = 2.0 * self.aperture.major_mm();
+        if let Some(infill) = &mut self.infill
+            && let Some(spacing_mm) = infill.spacing_mm
+        {
+            infill.density_pct = 100.0 * widest_mm / spacing_mm;
+        }
+    }
+
     fn check_process(&self) -> Result<(), SettingsError> {
         let (major, minor) = (self.aperture.major_mm(), self.aperture.minor_mm());
         in_range("print.aperture (major semi-axis)", major, 0.01, 500.0)?;
@@ -257,6 +267,9 @@ impl Settings {
         kinds::check(self)?;
         wide_beads::check(self)?;
         if let Some(infill) = &self.infill {
+            if let Some(spacing_mm) = infill.spacing_mm {
+                in_range("infill.spacing_mm", spacing_mm, 2.0 * major, f64::INFINITY)?;
+            }
             InfillKeys::check(infill)?;
         }
         SkirtKeys::check(self)?;

@@ -161,7 +161,7 @@ macro_rules! keys {
         #[derive(Clone, Default, serde::Deserialize)]
         #[serde(deny_unknown_fields)]
         pub(super) struct $name {
-            $($key: <$form as Form>::Given,)+
+            $(pub(super) $key: <$form as Form>::Given,)+
         }
 
         impl $name {

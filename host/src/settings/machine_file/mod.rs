@@ -207,6 +207,7 @@ impl File {
         self.flow.set(&mut settings)?;
         self.skirt.set(&mut settings)?;
         self.tolerances.set(&mut settings)?;
+        settings.space_lines();
         Ok(settings)
     }
 
@@ -272,6 +273,11 @@ impl File {
     }
 
     fn infill(&self) -> Result<Option<Infill>, MachineFileError> {
+        let both = |keys: &InfillKeys| keys.density_pct.is_some() && keys.spacing_mm.is_some();
+        if self.infill.as_ref().is_some_and(both) {
+            let problem = "infill: give density_pct or spacing_mm, not both";
+            return Err(MachineFileError::Toml(problem.to_string()));
+        }
         over(&self.infill, InfillKeys::set, Infill::solid(1))
     }
 
@@ -341,6 +347,7 @@ mod tests {
             infill: Some(Infill {
                 walls: 3,
                 density_pct: 12.5,
+                spacing_mm: None,
                 angle_rad: 0.3,
                 bottom_layers: Some(0),
                 top_layers: Some(7),
