@@ -7,6 +7,7 @@
 //! the ground. Leaves out skirts, and what no placement covers: all of the regions counts as within reach.
 
 use super::figures::Swept;
+use super::measure::{STEP, STEP_RAD};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::chart::{Chart, SurfaceFrame};
 use crate::geometry::clearance::{Configuration, outside_bound_mm};
@@ -29,9 +30,6 @@ use rayon::prelude::*;
 /// Side of the cells, of the aperture's unit, as long as a layer has no more than so many of them.
 const CELL: f64 = 0.02;
 const CELLS_MAX: f64 = 3e6;
-/// Longest step between poses, of the unit, and longest turn.
-const STEP: f64 = 0.02;
-const STEP_RAD: f64 = 0.02;
 /// A point so far off a pose's plane, of a layer's height, lies on another sheet of the ground.
 const SHEET: f64 = 2.0;
 /// Points of the outline at which its depth outside is measured, and poses that are looked at so closely.

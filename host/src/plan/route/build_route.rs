@@ -15,6 +15,7 @@ use crate::job::MotionState;
 use crate::plan::curve::heading_stops::heading_range;
 use crate::plan::layers::PlanePass;
 use crate::plan::pass::PassKind;
+use crate::plan::route::flow::QUINTIC_PEAK;
 use crate::plan::route::flow::pass_volumes::volumes_mm3;
 use crate::plan::route::hop::{Hop, is_right_above};
 use crate::plan::route::keep_out::Way;
@@ -324,7 +325,7 @@ fn asked_of(pass: &PlanePass, settings: &Settings) -> KindSettings {
 /// times its mean rate.
 pub fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
     if volume_mm3 > 0.0 && rate_mm3_s > 0.0 {
-        1.875 * volume_mm3 / rate_mm3_s
+        QUINTIC_PEAK * volume_mm3 / rate_mm3_s
     } else {
         0.0
     }

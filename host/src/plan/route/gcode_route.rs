@@ -27,7 +27,7 @@ const FIRST_TRAVEL_S: f64 = 1.0;
 /// A planned travel begins and ends this near to where it must, mm and rad.
 const START_MM: f64 = 1e-3;
 /// Share of the extruder's limits that pushes use: rounding of their durations to ticks.
-const PUSH_SHARE: f64 = 0.98;
+pub(super) const PUSH_SHARE: f64 = 0.98;
 
 /// What a route is made of beside its passes.
 #[derive(Clone, Copy, Debug)]
