@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         overlap_pct: Optional[float]
         walls: Optional[int]
         infill_density_pct: Optional[float]
+        infill_spacing_mm: Optional[float]
         infill_angle_deg: Optional[float]
         bottom_layers: Optional[int]
         top_layers: Optional[int]
@@ -272,6 +273,7 @@ def plan(
     overlap_pct: Optional[float] = None,
     walls: Optional[int] = None,
     infill_density_pct: Optional[float] = None,
+    infill_spacing_mm: Optional[float] = None,
     infill_angle_deg: Optional[float] = None,
     bottom_layers: Optional[int] = None,
     top_layers: Optional[int] = None,

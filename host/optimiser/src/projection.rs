@@ -21,11 +21,11 @@ use headway_geometry::polygon::Box2;
 /// Poses of a span that are checked.
 pub const POSES_CHECKED: usize = 16;
 /// Clearance that is sought, in a: what the path may lose between two poses at a corner that points inside.
-const MARGIN: f64 = 1.0 / 2000.0;
+const CLEARANCE: f64 = 1.0 / 2000.0;
 /// Most steps; three are the rule.
 const ROUNDS: usize = 12;
 /// Half the sum of the squared residuals at which it ends: a thousandth of the margin at any pose.
-const SETTLED: f64 = 0.5 * (1e-3 * MARGIN) * (1e-3 * MARGIN);
+const SETTLED: f64 = 0.5 * (1e-3 * CLEARANCE) * (1e-3 * CLEARANCE);
 /// What keeps the path where it is, against one pose's clearance: little, so that a step leaves little.
 const STIFFNESS: f64 = 1e-2;
 /// What becomes of it after a step that helped, and after one that did not.
@@ -126,7 +126,7 @@ fn evaluate(
     let mut terms = Terms::default();
     let wall = Wall {
         weight: 1.0,
-        margin: MARGIN,
+        margin: CLEARANCE,
     };
     system.clear();
     let passes = std::slice::from_ref(pass);

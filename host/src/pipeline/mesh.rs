@@ -14,20 +14,16 @@ use crate::geometry::polygon::{Box2, Region};
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
-use crate::pipeline::layer_time::SlowedLayers;
-use crate::pipeline::layer_uses::{LayerUse, Use};
-use crate::pipeline::open_ground::{self, OpenGround};
+use crate::pipeline::open_ground;
+pub use crate::pipeline::piece::PLACES_MAX;
 use crate::pipeline::piece::{Piece, PieceCache, key_of};
-use crate::pipeline::stack::{LeftOut, Stack, plan_stack};
-use crate::pipeline::stacked_ground::OpenCells;
-use crate::plan::judge::figures::{PlanFigures, Swept};
+use crate::pipeline::stack::{Stack, plan_stack};
+use crate::plan::judge::figures::Swept;
 use crate::plan::layers::bridge_ground::{Bridge, bridges};
 use crate::plan::layers::hollow::{Hollow, shell_layers};
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
 use crate::plan::layers::shells::{Overhang, overhangs, solid_ground};
 use crate::plan::layers::skirt::skirt_reach_mm;
-use crate::plan::motion::segments::MotionReport;
-use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
 use crate::plan::route::keep_out::shadows::with_shadows;
@@ -53,54 +49,18 @@ pub struct FirstLayer {
 pub struct PartPlan {
     /// Position of the part on the machine.
     pub transform: PartTransform,
-    /// The stream for the controller; empty if its parts were handed on.
-    pub stream: SegmentStream,
+    /// The sum of its pieces, with at most [`PLACES_MAX`] places of each kind; the stream is empty if they were
+    /// handed on.
+    pub printed: Piece,
     /// The joint solution that it is run in.
     pub solution: u8,
-    /// Knots of it.
+    /// Knots of the stream.
     pub segments: u64,
-    /// What the stream reaches of the limits.
-    pub motion: MotionReport,
-    /// What the plan is judged on, over all regions and layers.
-    pub figures: PlanFigures,
-    /// What was swept of each printing, with its layer.
-    pub swept: Vec<(u32, Swept)>,
-    /// Regions that are not printed.
-    pub left_out: Vec<LeftOut>,
-    /// Area lost to keep-outs, all layers together.
-    pub kept_out_mm2: f64,
-    /// A skirt or brim was printed.
-    pub has_skirt: bool,
-    /// Travels between passes that leave the regions.
-    pub outline_crossings: u64,
     /// Overhangs, by layer of the complete part.
     pub overhangs: Vec<Overhang>,
-    /// Unreachable boundary, at most [`PLACES_MAX`] intervals.
-    pub unreachable: Vec<UnreachableRun>,
-    /// Length of it over all layers.
-    pub unreachable_mm: f64,
-    /// Area that was to be filled and stays uncovered, the largest [`PLACES_MAX`] parts.
-    pub open: Vec<OpenGround>,
-    /// Such area without tiny parts, over all layers.
+    /// Uncovered area without tiny parts, over all layers.
     pub open_mm2: f64,
-    /// Area that lines are to cover, and its swept part.
-    pub infill_mm2: [f64; 2],
-    /// The part of that which is open on purpose between sparse lines, and its swept part.
-    pub sparse_mm2: [f64; 2],
-    /// The lowest layer of each run of unreachable boundary.
-    pub unreachable_layers: Vec<u32>,
-    /// What the layers are spent on.
-    pub uses: Vec<LayerUse>,
-    /// What each pass is, by its number.
-    pub pass_uses: Vec<Use>,
-    /// Layers that were slowed.
-    pub slowed: SlowedLayers,
-    /// Uncovered area by cells, and the number of evaluated layers.
-    pub open_cells: (OpenCells, u32),
 }
-
-/// Places of each kind that are kept.
-pub const PLACES_MAX: usize = 1000;
 
 /// Inputs and outputs of planning a part.
 pub struct PartContext<'a> {
@@ -138,8 +98,9 @@ pub fn plan_part(
         program: "",
         take: &mut take,
     };
-    let planned = plan_part_in_pieces(part, keep_out, first, settings, context)?;
-    Ok(PartPlan { stream, ..planned })
+    let mut planned = plan_part_in_pieces(part, keep_out, first, settings, context)?;
+    planned.printed.stream = stream;
+    Ok(planned)
 }
 
 /// The same; only the outlines in memory grow with the number of layers.
@@ -197,7 +158,7 @@ pub fn plan_part_in_pieces(
                 piece
             }
         };
-        let first_pass = planned.figures.passes as u32;
+        let first_pass = planned.printed.figures.passes as u32;
         at = piece.end.unwrap_or(at);
         let stream = planned.add(piece, settings)?;
         if !stream.knots.is_empty() {
@@ -207,54 +168,20 @@ pub fn plan_part_in_pieces(
     context.progress.layers(wanted.len(), wanted.len());
     if planned.segments == 0 {
         return Err(PlanError::NoLayerPrintable {
-            left_out: planned.left_out.len(),
+            left_out: planned.printed.left_out.len(),
         });
     }
-    let (layers, swept): (Vec<u32>, Vec<Swept>) = planned.swept.iter().copied().unzip();
-    planned.figures.set_shares(&layers, &swept);
+    let printed = &mut planned.printed;
+    let (layers, swept): (Vec<u32>, Vec<Swept>) = printed.swept.iter().copied().unzip();
+    printed.figures.set_shares(&layers, &swept);
     Ok(planned)
 }
 
 impl PartPlan {
     /// Adds the kept data of a piece, and passes on its stream.
     fn add(&mut self, piece: Piece, settings: &Settings) -> Result<SegmentStream, PlanError> {
-        self.swept.extend(piece.swept);
-        self.figures.add_lengths(&piece.figures);
-        self.left_out.extend(piece.left_out);
-        self.kept_out_mm2 += piece.kept_out_mm2;
-        self.has_skirt |= piece.has_skirt;
-        self.outline_crossings += piece.outline_crossings;
-        self.motion.ratios = self.motion.ratios.max(piece.ratios);
-        self.motion.fit_error_ratio = self.motion.fit_error_ratio.max(piece.fit_error_ratio);
-        self.motion.doubled_moves += piece.doubled_moves as usize;
-        self.motion.duration_s += piece.duration_s;
-        self.unreachable_mm += piece.unreachable_mm;
-        let room = PLACES_MAX - self.unreachable.len();
-        self.unreachable
-            .extend(piece.unreachable.into_iter().take(room));
-        self.unreachable_layers
-            .extend(piece.unreachable_layers.into_iter().take(room));
         self.open_mm2 += open_ground::told_mm2(&piece.open, settings);
-        self.open.extend(piece.open);
-        self.open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
-        self.open.truncate(4 * PLACES_MAX);
-        self.open = open_ground::merged(std::mem::take(&mut self.open));
-        self.open.truncate(PLACES_MAX);
-        for (all, own) in self.infill_mm2.iter_mut().zip(piece.infill_mm2) {
-            *all += own;
-        }
-        for (all, own) in self.sparse_mm2.iter_mut().zip(piece.sparse_mm2) {
-            *all += own;
-        }
-        self.uses.extend(piece.uses);
-        self.pass_uses.extend(piece.pass_uses);
-        self.slowed.layers += piece.slowed.layers;
-        self.slowed.still_short += piece.slowed.still_short;
-        for (cell, layers) in piece.open_cells.0 {
-            *self.open_cells.0.entry(cell).or_default() += layers;
-        }
-        self.open_cells.1 += piece.open_cells.1;
-        let stream = piece.stream;
+        let stream = self.printed.add(piece);
         if stream.knots.is_empty() {
             return Ok(stream);
         }

@@ -9,7 +9,7 @@ use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::pipeline::layer_time::SlowedLayers;
 use crate::pipeline::layer_uses::{LayerUse, Use, layer_uses, pass_uses};
-use crate::pipeline::open_ground::{OpenGround, open_ground};
+use crate::pipeline::open_ground::{self, OpenGround};
 use crate::pipeline::stack::{LeftOut, Stack};
 use crate::pipeline::stacked_ground::{OpenCells, open_cells};
 use crate::plan::judge::figures::{PlanFigures, Swept};
@@ -27,7 +27,10 @@ use std::hash::Hasher;
 /// The first bytes of a piece; the number is that of their layout.
 const MAGIC: &[u8; 8] = b"HWPIECE3";
 
-/// The kept data of a few layers.
+/// Places of each kind that are kept of a part.
+pub const PLACES_MAX: usize = 1000;
+
+/// The kept data of a few layers, or of all layers of a part.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Piece {
     /// The stream; its passes are counted from 0.
@@ -102,7 +105,7 @@ impl Piece {
             slowed: plan.slowed,
             open_cells: open_cells(&plan, settings.aperture.minor_mm()),
             end: plan.route.end(),
-            open: open_ground(&plan, settings),
+            open: open_ground::open_ground(&plan, settings),
             kept_out_mm2: plan.kept_out_mm2,
             has_skirt: plan.skirt.is_some(),
             outline_crossings: plan.outline_crossings as u64,
@@ -136,6 +139,47 @@ impl Piece {
         piece.left_out = plan.left_out;
         piece.stream = plan.stream;
         piece
+    }
+
+    /// Adds the kept data of the next piece, at most [`PLACES_MAX`] places of each kind, and passes on its stream.
+    pub fn add(&mut self, piece: Piece) -> SegmentStream {
+        fn add_areas(all_mm2: &mut [f64; 2], own_mm2: [f64; 2]) {
+            for (all, own) in all_mm2.iter_mut().zip(own_mm2) {
+                *all += own;
+            }
+        }
+        self.swept.extend(piece.swept);
+        self.figures.add_lengths(&piece.figures);
+        self.left_out.extend(piece.left_out);
+        self.kept_out_mm2 += piece.kept_out_mm2;
+        self.has_skirt |= piece.has_skirt;
+        self.outline_crossings += piece.outline_crossings;
+        self.ratios = self.ratios.max(piece.ratios);
+        self.fit_error_ratio = self.fit_error_ratio.max(piece.fit_error_ratio);
+        self.doubled_moves += piece.doubled_moves;
+        self.duration_s += piece.duration_s;
+        self.unreachable_mm += piece.unreachable_mm;
+        let room = PLACES_MAX - self.unreachable.len();
+        self.unreachable
+            .extend(piece.unreachable.into_iter().take(room));
+        self.unreachable_layers
+            .extend(piece.unreachable_layers.into_iter().take(room));
+        self.open.extend(piece.open);
+        self.open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+        self.open.truncate(4 * PLACES_MAX);
+        self.open = open_ground::merged(std::mem::take(&mut self.open));
+        self.open.truncate(PLACES_MAX);
+        add_areas(&mut self.infill_mm2, piece.infill_mm2);
+        add_areas(&mut self.sparse_mm2, piece.sparse_mm2);
+        self.uses.extend(piece.uses);
+        self.pass_uses.extend(piece.pass_uses);
+        self.slowed.layers += piece.slowed.layers;
+        self.slowed.still_short += piece.slowed.still_short;
+        for (cell, layers) in piece.open_cells.0 {
+            *self.open_cells.0.entry(cell).or_default() += layers;
+        }
+        self.open_cells.1 += piece.open_cells.1;
+        piece.stream
     }
 
     /// As bytes; `None` if it cannot be stored.

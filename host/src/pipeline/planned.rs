@@ -162,7 +162,7 @@ impl Planned {
             layer_outlines: LayerOutlines::of(numbered),
             transform: planned.transform,
             stream: laid.stream,
-            pass_facts: PassFacts::Kinds(planned.pass_uses),
+            pass_facts: PassFacts::Kinds(planned.printed.pass_uses),
             ..Planned::found(found, name, notes, settings)
         }
     }

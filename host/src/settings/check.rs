@@ -2,12 +2,15 @@
 
 use super::drivers::check_drivers;
 use super::error::SettingsError;
+use super::groups::{
+    ExtruderKeys, FlowKeys, InfillKeys, MELT_SPEED_RANGE, MaterialKeys, PrintKeys, STEPS_RANGE,
+    SkirtKeys, TolerancesKeys,
+};
 use super::heat::wrong_heater;
-use super::{AXIS_TOLERANCE_MAX_DEG, LAYERS_MAX, Settings, TILT_MAX_ASKED_DEG, kinds, wide_beads};
+use super::{AXIS_TOLERANCE_MAX_DEG, Settings, TILT_MAX_ASKED_DEG, kinds, wide_beads};
 use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
-use headway_protocol::control::DECIDEGREES_MAX;
 use std::f64::consts::TAU;
 
 /// Largest share of the step tick rate that a motor may use at its top speed: an integrator of one
@@ -25,15 +28,8 @@ const POSITION_MAX: f64 = 1.0e6;
 const SPEED_RANGE: [f64; 2] = [1e-4, 1e6];
 const ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e9];
 const JERK_RANGE: [f64; 2] = [1e-4, 1e13];
-/// Of the tip, mm/s: up to that of a nozzle half a metre wide that moves by its width as fast as the smallest do.
-const TIP_SPEED_RANGE_MM_S: [f64; 2] = [0.01, 1e5];
-/// The same of melt, mm³: up to a cubic metre a second, as nozzles half a metre wide would need.
-const MELT_SPEED_RANGE: [f64; 2] = [1e-4, 1e9];
-const MELT_ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e12];
 /// Servo ticks of a span of the least length.
 const SPAN_TICKS_MIN: f64 = 6.0;
-/// Fewest and most steps a unit.
-const STEPS_RANGE: [f64; 2] = [1e-6, 1e9];
 
 /// Longest time from rest to a top speed, or to a top acceleration: slow and heavy machines take
 /// some seconds, and what is above is a number in another unit. Motion that never reaches its speed
@@ -191,35 +187,13 @@ impl Settings {
 
     fn check_extruder(&self) -> Result<(), SettingsError> {
         let e = &self.machine.extruder;
-        sensible("extruder.steps_per_mm3", e.steps_per_mm3, STEPS_RANGE)?;
-        sensible(
-            "extruder.speed_max_mm3_s",
-            e.speed_max_mm3_s,
-            MELT_SPEED_RANGE,
-        )?;
-        sensible(
-            "extruder.acceleration_max_mm3_s2",
-            e.acceleration_max_mm3_s2,
-            MELT_ACCELERATION_RANGE,
-        )?;
+        ExtruderKeys::check(e)?;
         rises(
             [
                 "extruder.acceleration_max_mm3_s2",
                 "extruder.speed_max_mm3_s",
             ],
             [e.acceleration_max_mm3_s2, e.speed_max_mm3_s],
-        )?;
-        in_range(
-            "extruder.pressure_advance_s",
-            e.pressure_advance_s,
-            0.0,
-            5.0,
-        )?;
-        in_range(
-            "extruder.pressure_advance_window_ms",
-            e.pressure_advance_window_ms,
-            1.0,
-            200.0,
         )
     }
 
@@ -275,57 +249,35 @@ impl Settings {
         Ok(())
     }
 
+    /// The density of lines whose spacing is given; after every change of the aperture.
+    pub(super) fn space_lines(&mut self) {
+        let widest_mm = 2.0 * self.aperture.major_mm();
+        if let Some(infill) = &mut self.infill
+            && let Some(spacing_mm) = infill.spacing_mm
+        {
+            infill.density_pct = 100.0 * widest_mm / spacing_mm;
+        }
+    }
+
     fn check_process(&self) -> Result<(), SettingsError> {
         let (major, minor) = (self.aperture.major_mm(), self.aperture.minor_mm());
         in_range("print.aperture (major semi-axis)", major, 0.01, 500.0)?;
         in_range("print.aperture (minor semi-axis)", minor, 0.01, major)?;
-        in_range("print.layer_height_mm", self.layer_height_mm, 0.001, 500.0)?;
-        let layers_max = f64::from(LAYERS_MAX);
-        in_range("print.layers", f64::from(self.layers), 1.0, layers_max)?;
-        let [slowest, fastest] = TIP_SPEED_RANGE_MM_S;
-        in_range("print.speed_mm_s", self.speed_mm_s, slowest, fastest)?;
-        let travel_mm_s = self.travel_speed_mm_s;
-        in_range("print.travel_speed_mm_s", travel_mm_s, slowest, fastest)?;
-        in_range(
-            "print.tip_acceleration_mm_s2",
-            self.tip_acceleration_mm_s2,
-            1.0,
-            1e7,
-        )?;
-        in_range("print.lift_mm", self.lift_mm, 0.0, 1000.0)?;
+        PrintKeys::check(self)?;
         kinds::check(self)?;
         wide_beads::check(self)?;
-        in_range("print.overlap_pct", self.overlap_pct, 0.0, 50.0)?;
         if let Some(infill) = &self.infill {
-            in_range("infill.walls", f64::from(infill.walls), 1.0, 1000.0)?;
-            in_range("infill.density_pct", infill.density_pct, 0.0, 100.0)?;
-            let angle_deg = infill.angle_rad.to_degrees();
-            in_range("infill.angle_deg", angle_deg, -360.0, 360.0)?;
-            for (key, solid) in [
-                ("infill.bottom_layers", infill.bottom_layers),
-                ("infill.top_layers", infill.top_layers),
-            ] {
-                in_range(key, f64::from(solid.unwrap_or(0)), 0.0, layers_max)?;
+            if let Some(spacing_mm) = infill.spacing_mm {
+                in_range("infill.spacing_mm", spacing_mm, 2.0 * major, f64::INFINITY)?;
             }
+            InfillKeys::check(infill)?;
         }
-        let skirt = &self.skirt;
-        in_range("skirt.loops", f64::from(skirt.loops), 0.0, 100.0)?;
-        in_range("skirt.brim_loops", f64::from(skirt.brim_loops), 0.0, 100.0)?;
-        in_range("skirt.distance_mm", skirt.distance_mm, 0.0, 1000.0)?;
-        let seam_deg = self.seam.direction_rad.to_degrees();
-        in_range("print.seam_direction_deg", seam_deg, -360.0, 360.0)?;
-        let body_mm = self.nozzle_body_radius_mm;
-        in_range("print.nozzle_body_radius_mm", body_mm, 0.0, 1000.0)?;
+        SkirtKeys::check(self)?;
         if let Some(head) = &self.head {
             head.check()?;
         }
         in_range("plan_share", self.plan_share, 0.1, 0.99)?;
-        let t = &self.tolerances;
-        in_range("tolerances.outside_mm", t.outside_mm, 1e-5, 1.0)?;
-        in_range("tolerances.tip_mm", t.tip_mm, 1e-4, 1.0)?;
-        in_range("tolerances.axis_mrad", t.axis_rad * 1e3, 0.01, 100.0)?;
-        in_range("tolerances.heading_mrad", t.heading_rad * 1e3, 0.01, 100.0)?;
-        in_range("tolerances.flatten_mm", t.flatten_mm, 1e-5, 1.0)?;
+        TolerancesKeys::check(self)?;
         self.check_corners()
     }
 
@@ -353,8 +305,7 @@ impl Settings {
 
     fn check_heat(&self) -> Result<(), SettingsError> {
         if let Some(material) = &self.material {
-            let hottest_c = f64::from(DECIDEGREES_MAX) / 10.0;
-            material.check(hottest_c)?;
+            MaterialKeys::check(material)?;
         }
         let wrong = self.heaters.as_ref().and_then(wrong_heater);
         wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))?;
@@ -365,16 +316,11 @@ impl Settings {
     }
 
     fn check_flow(&self) -> Result<(), SettingsError> {
-        in_range("print.flow_factor", self.flow_factor, 0.01, 10.0)?;
+        FlowKeys::check(self)?;
         let carried_mm3_s =
             self.span_volume_mm3() / SPAN_TICKS_MIN * f64::from(self.machine.servo_hz);
         let flow_range = [MELT_SPEED_RANGE[0], MELT_SPEED_RANGE[1].min(carried_mm3_s)];
         sensible("flow.flow_max_mm3_s", self.flow_max_mm3_s, flow_range)?;
-        sensible(
-            "flow.rate_of_change_max_mm3_s2",
-            self.flow_rate_of_change_max_mm3_s2,
-            MELT_ACCELERATION_RANGE,
-        )?;
         rises(
             ["flow.rate_of_change_max_mm3_s2", "flow.flow_max_mm3_s"],
             [self.flow_rate_of_change_max_mm3_s2, self.flow_max_mm3_s],
@@ -383,15 +329,12 @@ impl Settings {
         let push_max_mm3 = self.push_max_mm3();
         in_range("flow.retract_mm3", p.retract_mm3, 0.0, push_max_mm3)?;
         in_range("flow.prime_mm3", p.prime_mm3, 0.0, push_max_mm3)?;
-        in_range("flow.retract_lead_s", p.retract_lead_s, 0.0, 10.0)?;
-        in_range("flow.prime_lead_s", p.prime_lead_s, 0.0, 10.0)?;
         let limit = self.machine.extruder.speed_max_mm3_s * self.plan_share;
         for (key, value) in [
             ("flow.retract_rate_mm3_s", p.retract_rate_mm3_s),
             ("flow.prime_rate_mm3_s", p.prime_rate_mm3_s),
             ("flow.flow_max_mm3_s", self.flow_max_mm3_s),
         ] {
-            sensible(key, value, MELT_SPEED_RANGE)?;
             if value > limit {
                 return Err(SettingsError::Beyond {
                     key,
@@ -437,7 +380,7 @@ pub fn motor_rates_hz(machine: &MachineConfiguration) -> Vec<(String, f64)> {
 }
 
 /// Checks that a number is greater than 0 and within what is sensible.
-fn sensible(key: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), SettingsError> {
+pub(super) fn sensible(key: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), SettingsError> {
     positive(key, value)?;
     in_range(key, value, low, high)
 }

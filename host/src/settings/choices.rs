@@ -3,6 +3,12 @@
 
 use serde::{Deserialize, Serialize};
 
+/// What is one of a few by name.
+pub(super) trait Choice: Copy + serde::de::DeserializeOwned {
+    /// Its name.
+    fn choice_name(self) -> &'static str;
+}
+
 /// Declares an enum whose names in files and options are its variants in lower case.
 macro_rules! choice {
     ($(#[$attribute:meta])* $name:ident { $($(#[$help:meta])* $variant:ident = $text:literal,)+ }) => {
@@ -23,6 +29,12 @@ macro_rules! choice {
                 match self {
                     $($name::$variant => $text,)+
                 }
+            }
+        }
+
+        impl Choice for $name {
+            fn choice_name(self) -> &'static str {
+                self.name()
             }
         }
     };

@@ -1,8 +1,5 @@
 //! What is melted, and what melts it: the `[material]` and `[heaters]` groups of a machine file.
 
-use super::LAYERS_MAX;
-use super::check::in_range;
-use super::error::SettingsError;
 use headway_firmware::configuration::heat::HeatConfiguration;
 
 /// Longest pause that may keep its heat, min: as long as a host waits for the end of a pause.
@@ -31,39 +28,6 @@ pub struct Material {
     pub price_per_kg: Option<f64>,
     /// Diameter of the filament: the figures tell its length.
     pub diameter_mm: Option<f64>,
-}
-
-impl Material {
-    /// Temperatures up to `hottest_c`, and what the figures of mass and cost are made of.
-    pub(super) fn check(&self, hottest_c: f64) -> Result<(), SettingsError> {
-        in_range("material.hot_end_c", self.hot_end_c, 0.0, hottest_c)?;
-        in_range("material.bed_c", self.bed_c, 0.0, hottest_c)?;
-        in_range("material.fan_pct", self.fan_pct, 0.0, 100.0)?;
-        for (key, celsius) in [
-            ("material.first_layer_hot_end_c", self.first_layer_hot_end_c),
-            ("material.first_layer_bed_c", self.first_layer_bed_c),
-        ] {
-            in_range(key, celsius.unwrap_or(0.0), 0.0, hottest_c)?;
-        }
-        let fan_from = f64::from(self.fan_from_layer.unwrap_or(1));
-        in_range(
-            "material.fan_from_layer",
-            fan_from,
-            1.0,
-            f64::from(LAYERS_MAX),
-        )?;
-        let pause_min = self.pause_heat_max_min.unwrap_or(0.0);
-        let most_min = PAUSE_HEAT_MAX_MIN_MOST;
-        in_range("material.pause_heat_max_min", pause_min, 0.0, most_min)?;
-        for (key, value, most) in [
-            ("material.density_g_cm3", self.density_g_cm3, 30.0),
-            ("material.price_per_kg", self.price_per_kg, 1e6),
-            ("material.diameter_mm", self.diameter_mm, 20.0),
-        ] {
-            in_range(key, value.unwrap_or(most), 1e-3, most)?;
-        }
-        Ok(())
-    }
 }
 
 /// Names of the heaters in the order of their numbers, as machine files have them.

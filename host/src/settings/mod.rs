@@ -12,9 +12,11 @@ mod defaults;
 pub mod drivers;
 mod error;
 pub mod examples;
+mod groups;
 pub mod head_shape;
 mod heading_joint;
 pub mod heat;
+mod keys;
 pub mod kinds;
 pub mod machine_file;
 pub mod obstacles;
@@ -47,6 +49,8 @@ pub struct Infill {
     pub walls: u32,
     /// Share of the ground inside the walls that the lines cover, per cent; 0 leaves it empty.
     pub density_pct: f64,
+    /// From the middle of a line to that of the next, which sets the density with the widest bead.
+    pub spacing_mm: Option<f64>,
     /// Direction of the lines of the first layer against the x axis; every other layer's lie
     /// across.
     pub angle_rad: f64,
@@ -76,6 +80,7 @@ impl Infill {
         Infill {
             walls,
             density_pct: 100.0,
+            spacing_mm: None,
             angle_rad: std::f64::consts::FRAC_PI_4,
             bottom_layers: None,
             top_layers: None,

@@ -7,9 +7,30 @@ use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::run_options::{RunOptions, RunOptionsError};
 use super::{HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings, SettingsError};
 
-/// Declares the options: help, name on the command line with the name of its value, field and type.
+/// What an option sets.
+trait Over<T> {
+    fn over(&mut self, given: T);
+}
+
+impl<T> Over<T> for T {
+    fn over(&mut self, given: T) {
+        *self = given;
+    }
+}
+
+impl<T> Over<T> for Option<T> {
+    fn over(&mut self, given: T) {
+        *self = Some(given);
+    }
+}
+
+/// Declares the options: help, name on the command line with the name of its value, field, type, and the settings that it
+/// goes over.
 macro_rules! options {
-    ($($(#[doc = $help:literal])* $long:literal $value:literal $field:ident: $kind:ty [$($argument:tt)*];)+) => {
+    ($(
+        $(#[doc = $help:literal])* $long:literal $value:literal $field:ident: $kind:ty [$($argument:tt)*]
+        $(=> $($($place:ident)|+),+)?;
+    )+) => {
         /// Options of a job; each `None` leaves what the machine file or the default says.
         ///
         /// Made by [`Options::default`] and changed field by field, so that new ones break nobody. The texts are the
@@ -54,6 +75,17 @@ macro_rules! options {
             pub place: Option<Place>,
         }
 
+        impl Options {
+            /// Sets what one setting or more take as it is given.
+            fn set(&self, settings: &mut Settings) {
+                $($($(
+                    if let Some(given) = self.$field {
+                        settings.$($place).+.over(given);
+                    }
+                )+)?)+
+            }
+        }
+
         /// The names of options on the command line, and of their fields.
         pub const OPTION_NAMES: &[(&str, &str)] = &[$(($long, stringify!($field))),+];
     };
@@ -67,46 +99,62 @@ fn radians(text: &str) -> Result<f64, std::num::ParseFloatError> {
 
 options! {
     /// Tip speed while printing, mm/s.
-    "speed" "MM_S" speed_mm_s: f64 [allow_negative_numbers = true];
+    "speed" "MM_S" speed_mm_s: f64 [allow_negative_numbers = true]
+        => speed_mm_s;
     /// Tip speed of the walls, below --speed, mm/s.
-    "wall-speed" "MM_S" wall_speed_mm_s: f64 [allow_negative_numbers = true];
+    "wall-speed" "MM_S" wall_speed_mm_s: f64 [allow_negative_numbers = true]
+        => kinds|walls|speed_mm_s;
     /// Tip speed of the lines of filled ground, below --speed, mm/s.
-    "solid-speed" "MM_S" solid_speed_mm_s: f64 [allow_negative_numbers = true];
+    "solid-speed" "MM_S" solid_speed_mm_s: f64 [allow_negative_numbers = true]
+        => kinds|solid|speed_mm_s;
     /// Tip speed of the lines of a sparse infill, below --speed, mm/s.
-    "sparse-speed" "MM_S" sparse_speed_mm_s: f64 [allow_negative_numbers = true];
+    "sparse-speed" "MM_S" sparse_speed_mm_s: f64 [allow_negative_numbers = true]
+        => kinds|sparse|speed_mm_s;
     /// Least time of a layer, s: shorter ones are printed slower [default: 0].
-    "min-layer-time" "S" layer_time_min_s: f64 [allow_negative_numbers = true];
+    "min-layer-time" "S" layer_time_min_s: f64 [allow_negative_numbers = true]
+        => layer_time_min_s;
     /// Most time of a layer, s: longer ones are reported, since their joints are cold; --refuse layer-time
     /// refuses the job [default: 0, any].
-    "max-layer-time" "S" layer_time_max_s: f64 [allow_negative_numbers = true];
+    "max-layer-time" "S" layer_time_max_s: f64 [allow_negative_numbers = true]
+        => wide_beads|layer_time_max_s;
     /// Most that a wide bead may lay on the outside of a curve against the inside, as in 1.2 for concrete: paths are
     /// rounded for it where they can be [default: 0, any].
-    "max-outer-inner-ratio" "RATIO" outer_inner_ratio_max: f64 [allow_negative_numbers = true];
+    "max-outer-inner-ratio" "RATIO" outer_inner_ratio_max: f64 [allow_negative_numbers = true]
+        => wide_beads|outer_inner_ratio_max;
     /// Layers of one closed bead rise along it and follow each other without a rest (vase mode); walls of a solid part
     /// with --walls 1 --infill-density 0 --top 0.
     "continuous-z" "BOOL" continuous_z: bool [
         num_args = 0..=1, require_equals = true, default_missing_value = "true", visible_alias = "vase"
-    ];
+    ] => wide_beads|continuous_z;
     /// Layer height, mm.
-    "layer-height" "MM" layer_height_mm: f64 [allow_negative_numbers = true];
+    "layer-height" "MM" layer_height_mm: f64 [allow_negative_numbers = true]
+        => layer_height_mm;
     /// Layers of an outline, all the same [default: 1]; a mesh has its own.
-    "layers" "N" layers: u32 [allow_negative_numbers = true];
+    "layers" "N" layers: u32 [allow_negative_numbers = true]
+        => layers;
     /// Passes across a narrow passage.
-    "pass" "PASS" pass_mode: PassMode [];
+    "pass" "PASS" pass_mode: PassMode []
+        => pass_mode;
     /// How the local width becomes a heading angle.
-    "law" "LAW" heading_law: HeadingLaw [];
+    "law" "LAW" heading_law: HeadingLaw []
+        => heading_law;
     /// What a mm² of ground left open or laid twice is worth in seconds of printing [default:
     /// standard].
-    "quality" "QUALITY" quality: Quality [];
+    "quality" "QUALITY" quality: Quality []
+        => quality;
     /// How far the aperture may leave the outline, the segments the path, and chords the curves of
     /// the input, mm.
-    "tolerance" "MM" tolerance_mm: f64 [allow_negative_numbers = true];
+    "tolerance" "MM" tolerance_mm: f64 [allow_negative_numbers = true]
+        => tolerances|outside_mm, tolerances|tip_mm, tolerances|flatten_mm;
     /// Controlled overlap of neighbouring passes, per cent of the bead width.
-    "overlap" "PCT" overlap_pct: f64 [allow_negative_numbers = true];
+    "overlap" "PCT" overlap_pct: f64 [allow_negative_numbers = true]
+        => overlap_pct;
     /// Loops along the outline, with straight lines inside [default: loops all the way in].
     "walls" "N" walls: u32 [allow_negative_numbers = true];
     /// Share of the ground inside the walls that lines cover, per cent [default: 100].
     "infill-density" "PCT" infill_density_pct: f64 [allow_negative_numbers = true];
+    /// From the middle of a line of the infill to that of the next, mm, in place of --infill-density.
+    "infill-spacing" "MM" infill_spacing_mm: f64 [allow_negative_numbers = true];
     /// Solid layers at the bottom of a print with walls [default: 4, of several layers].
     "bottom" "N" bottom_layers: u32 [allow_negative_numbers = true];
     /// Solid layers at the top of a print with walls [default: 5, of several layers].
@@ -115,17 +163,23 @@ options! {
     /// [default: 45].
     "infill-angle" "DEG" infill_angle_rad: f64 [allow_negative_numbers = true, value_parser = radians];
     /// Loops around the first layer, at a distance, printed before it.
-    "skirt" "N" skirt_loops: u32 [allow_negative_numbers = true];
+    "skirt" "N" skirt_loops: u32 [allow_negative_numbers = true]
+        => skirt|loops;
     /// From the part (or its brim) to the innermost loop of the skirt, mm [default: 3].
-    "skirt-distance-mm" "MM" skirt_distance_mm: f64 [allow_negative_numbers = true];
+    "skirt-distance-mm" "MM" skirt_distance_mm: f64 [allow_negative_numbers = true]
+        => skirt|distance_mm;
     /// Loops around the first layer that touch it, printed before it.
-    "brim" "N" brim_loops: u32 [allow_negative_numbers = true];
+    "brim" "N" brim_loops: u32 [allow_negative_numbers = true]
+        => skirt|brim_loops;
     /// Factor on all coordinates of the input.
-    "avoid-crossing" "BOOL" avoid_crossing: bool [num_args = 0..=1, require_equals = true, default_missing_value = "true"];
+    "avoid-crossing" "BOOL" avoid_crossing: bool [num_args = 0..=1, require_equals = true, default_missing_value = "true"]
+        => avoid_crossing;
     /// Where loops begin and end.
-    "seam" "PLACE" seam: SeamPlace [];
+    "seam" "PLACE" seam: SeamPlace []
+        => seam|place;
     /// Direction of aligned seams against the x axis, degrees [default: 90].
-    "seam-direction" "DEG" seam_direction_rad: f64 [allow_negative_numbers = true, value_parser = radians];
+    "seam-direction" "DEG" seam_direction_rad: f64 [allow_negative_numbers = true, value_parser = radians]
+        => seam|direction_rad;
 }
 
 /// Options that cannot be used.
@@ -143,6 +197,9 @@ pub(crate) enum OptionsError {
          every layer is solid)"
     )]
     NoWalls,
+    /// Density and spacing of the same lines.
+    #[error("--infill-spacing and --infill-density say the same in two ways: give one of them")]
+    SpacingAndDensity,
     /// Options of runs of waypoints.
     #[error(transparent)]
     Run(#[from] RunOptionsError),
@@ -154,49 +211,18 @@ impl Options {
     /// # Errors
     /// [`OptionsError`]; the settings were checked, so that what fails is an option.
     pub(crate) fn over(&self, mut settings: Settings) -> Result<Settings, OptionsError> {
-        fn set<T: Copy>(setting: &mut T, option: Option<T>) {
-            *setting = option.unwrap_or(*setting);
-        }
         if let Some(text) = &self.aperture {
             settings.aperture = parse_aperture(text)?;
         }
-        set(&mut settings.speed_mm_s, self.speed_mm_s);
-        let kinds = &mut settings.kinds;
-        for (kind, speed_mm_s) in [
-            (&mut kinds.walls, self.wall_speed_mm_s),
-            (&mut kinds.solid, self.solid_speed_mm_s),
-            (&mut kinds.sparse, self.sparse_speed_mm_s),
-        ] {
-            kind.speed_mm_s = speed_mm_s.or(kind.speed_mm_s);
-        }
-        set(&mut settings.layer_time_min_s, self.layer_time_min_s);
-        let wide = &mut settings.wide_beads;
-        set(&mut wide.layer_time_max_s, self.layer_time_max_s);
-        set(&mut wide.continuous_z, self.continuous_z);
-        set(&mut wide.outer_inner_ratio_max, self.outer_inner_ratio_max);
-        set(&mut settings.layer_height_mm, self.layer_height_mm);
-        set(&mut settings.layers, self.layers);
-        set(&mut settings.pass_mode, self.pass_mode);
-        set(&mut settings.heading_law, self.heading_law);
-        set(&mut settings.quality, self.quality);
-        let tolerances = &mut settings.tolerances;
-        set(&mut tolerances.outside_mm, self.tolerance_mm);
-        set(&mut tolerances.tip_mm, self.tolerance_mm);
-        set(&mut tolerances.flatten_mm, self.tolerance_mm);
-        set(&mut settings.overlap_pct, self.overlap_pct);
+        self.set(&mut settings);
         settings.infill = self.infill(settings.infill)?;
-        set(&mut settings.avoid_crossing, self.avoid_crossing);
-        set(&mut settings.seam.place, self.seam);
-        set(&mut settings.seam.direction_rad, self.seam_direction_rad);
-        set(&mut settings.skirt.loops, self.skirt_loops);
-        set(&mut settings.skirt.brim_loops, self.brim_loops);
-        set(&mut settings.skirt.distance_mm, self.skirt_distance_mm);
         let of_run = RunOptions {
             gap_mm: self.gap_mm,
             corner_tolerance_mm: self.corner_tolerance_mm,
             place: self.place,
         };
-        let settings = of_run.over(settings)?;
+        let mut settings = of_run.over(settings)?;
+        settings.space_lines();
         settings.check()?;
         Ok(settings)
     }
@@ -247,14 +273,23 @@ impl Options {
             (None, of_file) => of_file,
         };
         let Some(mut infill) = base else {
-            let of_lines = self.infill_density_pct.is_some() || self.infill_angle_rad.is_some();
+            let of_lines = self.infill_density_pct.is_some()
+                || self.infill_spacing_mm.is_some()
+                || self.infill_angle_rad.is_some();
             let of_solid = self.bottom_layers.is_some() || self.top_layers.is_some();
             return match of_lines || of_solid {
                 true => Err(OptionsError::NoWalls),
                 false => Ok(None),
             };
         };
+        if self.infill_density_pct.is_some() {
+            if self.infill_spacing_mm.is_some() {
+                return Err(OptionsError::SpacingAndDensity);
+            }
+            infill.spacing_mm = None;
+        }
         infill.density_pct = self.infill_density_pct.unwrap_or(infill.density_pct);
+        infill.spacing_mm = self.infill_spacing_mm.or(infill.spacing_mm);
         infill.angle_rad = self.infill_angle_rad.unwrap_or(infill.angle_rad);
         infill.bottom_layers = self.bottom_layers.or(infill.bottom_layers);
         infill.top_layers = self.top_layers.or(infill.top_layers);
@@ -271,6 +306,7 @@ fn first_given(options: &[(&'static str, bool)]) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::machine_file::{from_toml, to_toml};
 
     /// Goal: options change what they name and nothing else; what cannot be is refused with the key.
     #[test]
@@ -306,5 +342,65 @@ mod tests {
         };
         let refused = still.over(plain).unwrap_err().to_string();
         assert!(refused.contains("speed"), "{refused}");
+    }
+
+    /// Goal: lines at a spacing have the density of the widest bead at it, with every nozzle, from an option or the file; two
+    /// densities and beads upon each other are refused. Method: 6 mm with beads of 1.2 and 1.8 mm.
+    #[test]
+    fn lines_may_be_given_by_their_spacing() {
+        let options = Options {
+            walls: Some(2),
+            infill_spacing_mm: Some(6.0),
+            ..Options::default()
+        };
+        let settings = options.over(Settings::default()).expect("settings");
+        let density_pct = |settings: &Settings| settings.infill.map(|infill| infill.density_pct);
+        assert_eq!(density_pct(&settings), Some(20.0));
+        let text = to_toml(&settings);
+        assert!(
+            text.contains("spacing_mm = 6\n") && !text.contains("\ndensity_pct"),
+            "{text}"
+        );
+        let read = from_toml(&text).expect("a machine");
+        assert_eq!(read, settings);
+        let wider = Options {
+            aperture: Some("ellipse:0.9x0.3".to_string()),
+            ..Options::default()
+        };
+        let wide = wider.over(read).expect("settings");
+        let pct = density_pct(&wide).unwrap_or_default();
+        assert!((pct - 30.0).abs() < 1e-9, "{pct}");
+        let denser = Options {
+            infill_density_pct: Some(40.0),
+            ..Options::default()
+        };
+        let denser = denser.over(wide.clone()).expect("settings").infill;
+        assert_eq!(
+            denser.map(|i| (i.density_pct, i.spacing_mm)),
+            Some((40.0, None))
+        );
+        let both = Options {
+            infill_density_pct: Some(40.0),
+            ..options.clone()
+        };
+        assert_eq!(both.over(wide), Err(OptionsError::SpacingAndDensity));
+        let both = text.replace("spacing_mm = 6\n", "spacing_mm = 6\ndensity_pct = 20\n");
+        let refused = from_toml(&both).expect_err("two densities").to_string();
+        assert!(refused.contains("not both"), "{refused}");
+        for (spacing_mm, part) in [
+            (1.1, "at least 1.2"),
+            (f64::NAN, "NaN"),
+            (1e9, "at most 100000"),
+        ] {
+            let other = Options {
+                infill_spacing_mm: Some(spacing_mm),
+                ..options.clone()
+            };
+            let refused = other.over(Settings::default()).expect_err(part).to_string();
+            assert!(
+                refused.contains("infill.spacing_mm") && refused.contains(part),
+                "{refused}"
+            );
+        }
     }
 }

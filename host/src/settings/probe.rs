@@ -3,6 +3,7 @@
 use super::Settings;
 use super::check::in_range;
 use super::error::SettingsError;
+use super::groups::ProbeKeys;
 
 /// Where Z is among the joints of a machine that can probe.
 const Z: usize = 2;
@@ -51,14 +52,9 @@ impl Settings {
             return Ok(());
         };
         let fastest = self.machine.joints.get(Z).map_or(0.0, |z| z.speed_max);
-        in_range("probe.offset_x_mm", probe.offset_mm[0], -500.0, 500.0)?;
-        in_range("probe.offset_y_mm", probe.offset_mm[1], -500.0, 500.0)?;
-        in_range("probe.z_offset_mm", probe.z_offset_mm, -20.0, 20.0)?;
+        ProbeKeys::check(probe)?;
         in_range("probe.fast_mm_s", probe.fast_mm_s, 0.1, fastest)?;
         in_range("probe.slow_mm_s", probe.slow_mm_s, 0.01, fastest)?;
-        in_range("probe.back_off_mm", probe.back_off_mm, 0.05, 20.0)?;
-        in_range("probe.lift_mm", probe.lift_mm, probe.back_off_mm, 100.0)?;
-        in_range("probe.samples", f64::from(probe.samples), 1.0, 50.0)?;
-        in_range("probe.tolerance_mm", probe.tolerance_mm, 0.0005, 5.0)
+        in_range("probe.lift_mm", probe.lift_mm, probe.back_off_mm, 100.0)
     }
 }

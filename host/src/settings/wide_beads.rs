@@ -24,8 +24,8 @@ pub struct WideBeads {
 }
 
 /// Bounds of the keys: a ratio closer to 1 than this leaves no curve.
-const RATIO_RANGE: [f64; 2] = [1.01, 100.0];
-const LAYER_TIME_MAX_S: f64 = 86_400.0;
+pub(super) const RATIO_RANGE: [f64; 2] = [1.01, 100.0];
+pub(super) const LAYER_TIME_MAX_S: f64 = 86_400.0;
 /// Starts and stops, shares of the nozzle's length: longer ones are no start or stop any more.
 const PUMP_SHARE_MAX: f64 = 50.0;
 
@@ -54,13 +54,7 @@ impl Settings {
 /// Checks the ranges of the keys, and that a pump that starts slowly has no prime beside it.
 pub(super) fn check(settings: &Settings) -> Result<(), SettingsError> {
     let wide = &settings.wide_beads;
-    if wide.outer_inner_ratio_max != 0.0 {
-        let [low, high] = RATIO_RANGE;
-        let key = "print.outer_inner_ratio_max";
-        in_range(key, wide.outer_inner_ratio_max, low, high)?;
-    }
     let late_s = wide.layer_time_max_s;
-    in_range("print.layer_time_max_s", late_s, 0.0, LAYER_TIME_MAX_S)?;
     if late_s > 0.0 && late_s < settings.layer_time_min_s {
         return Err(SettingsError::LayerTimes {
             least_s: settings.layer_time_min_s,

@@ -30,21 +30,26 @@ pub(crate) fn part_findings(
     plan_s: f64,
     settings: &Settings,
 ) -> Findings {
-    let late = LateLayers::of(&planned.uses, settings);
+    let late = LateLayers::of(&planned.printed.uses, settings);
     let transform = &planned.transform;
-    let wide = laid.figures(&late, planned.figures.volume_mm3, transform, settings);
+    let wide = laid.figures(
+        &late,
+        planned.printed.figures.volume_mm3,
+        transform,
+        settings,
+    );
     let figures = Figures {
         plan_s: Some(plan_s),
         ..all_figures(part, planned, keep_out, settings)
     };
-    let (open, unreachable) = (&planned.open, &planned.unreachable);
-    let mut left_out = left_out(open, unreachable, &planned.unreachable_layers);
+    let (open, unreachable) = (&planned.printed.open, &planned.printed.unreachable);
+    let mut left_out = left_out(open, unreachable, &planned.printed.unreachable_layers);
     left_out.extend(laid.place(transform));
     Findings {
         figures: figures.merged_with(&wide),
         objections: laid.objections(&late, transform, settings),
         warnings: warnings(part, planned, settings),
-        unreachable: planned.unreachable.clone(),
+        unreachable: planned.printed.unreachable.clone(),
         left_out,
     }
 }
@@ -68,17 +73,22 @@ fn all_figures(
         let layer = &part.layers[layer as usize];
         [layer.top_mm, layer.height_mm]
     };
-    let of_uses = use_figures(&planned.uses, planned.slowed, place_mm, settings);
+    let of_uses = use_figures(
+        &planned.printed.uses,
+        planned.printed.slowed,
+        place_mm,
+        settings,
+    );
     part_figures(part, planned, keep_out)
         .merged_with(&of_uses)
-        .merged_with(&stacked_figures(&planned.open_cells))
+        .merged_with(&stacked_figures(&planned.printed.open_cells))
 }
 
 fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> Figures {
-    let f = &planned.figures;
+    let f = &planned.printed.figures;
     let passes = f.passes as u64;
-    let [ground_mm2, swept_mm2] = planned.infill_mm2;
-    let sparse = sparse_figures(f, planned.sparse_mm2);
+    let [ground_mm2, swept_mm2] = planned.printed.infill_mm2;
+    let sparse = sparse_figures(f, planned.printed.sparse_mm2);
     let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
     let mut hanging: Vec<LayerPlace> = overhangs(part, planned)
         .map(|(layer, overhang)| LayerPlace {
@@ -91,7 +101,7 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
     hanging.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
     let hanging_mm2: f64 = hanging.iter().map(|place| place.area_mm2).sum::<f64>() + 0.0;
     hanging.truncate(PLACES_MAX);
-    let left_out = planned.left_out.iter().map(|left_out| LayerPlace {
+    let left_out = planned.printed.left_out.iter().map(|left_out| LayerPlace {
         x_mm: left_out.at.x,
         y_mm: left_out.at.y,
         z_mm: top_mm(left_out.layer),
@@ -101,7 +111,7 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
         let at = nalgebra::center(&run.from, &run.to);
         [at.x, at.y, run.length_mm()]
     };
-    let runs = planned.unreachable.iter();
+    let runs = planned.printed.unreachable.iter();
     Figures {
         area_mm2: Some(f.area_mm2),
         layers: Some(part.wanted_layers().len() as u64),
@@ -112,20 +122,26 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
         covered_of_reachable_pct: Some(f.covered_of_reachable_pct),
         outside_depth_mm: Some(f.outside_depth_mm),
         overlap_pct: Some(f.overlap_pct),
-        kept_out_mm2: (!keep_out.is_empty()).then_some(planned.kept_out_mm2),
+        kept_out_mm2: (!keep_out.is_empty()).then_some(planned.printed.kept_out_mm2),
         infill_mm2: (ground_mm2 > 0.0).then_some(ground_mm2),
         infill_covered_pct: (ground_mm2 > 0.0).then(|| 100.0 * swept_mm2 / ground_mm2),
-        unreachable_mm: Some(planned.unreachable_mm),
+        unreachable_mm: Some(planned.printed.unreachable_mm),
         unreachable_places_mm: Some(runs.map(place).collect()),
-        open_largest_mm2: Some(planned.open.first().map_or(0.0, |open| open.area_mm2)),
+        open_largest_mm2: Some(
+            planned
+                .printed
+                .open
+                .first()
+                .map_or(0.0, |open| open.area_mm2),
+        ),
         overhang_mm2: Some(hanging_mm2),
         overhang_places: Some(hanging),
         left_out_places: Some(left_out.take(PLACES_MAX).collect()),
         passes: Some(passes),
         flow_interruptions: Some(passes.saturating_sub(1)),
-        outline_crossings: Some(planned.outline_crossings),
+        outline_crossings: Some(planned.printed.outline_crossings),
         print_mm: Some(f.print_mm),
-        skirt_mm: planned.has_skirt.then_some(f.skirt_mm),
+        skirt_mm: planned.printed.has_skirt.then_some(f.skirt_mm),
         travel_mm: Some(f.travel_mm),
         print_s: Some(f.print_s),
         volume_mm3: Some(f.volume_mm3),
@@ -139,12 +155,12 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
 /// Points for the user to check before printing.
 fn warnings(part: &SlicedPart, planned: &PartPlan, settings: &Settings) -> Vec<String> {
     let mut warnings = part_warnings(part, planned);
-    let length_mm = planned.unreachable_mm;
-    warnings.extend(unreachable_note(&planned.unreachable, length_mm));
+    let length_mm = planned.printed.unreachable_mm;
+    warnings.extend(unreachable_note(&planned.printed.unreachable, length_mm));
     let top_mm = |layer: u32| Some(part.layers.get(layer as usize)?.top_mm);
-    let (open, all_mm2) = (&planned.open, planned.open_mm2);
+    let (open, all_mm2) = (&planned.printed.open, planned.open_mm2);
     warnings.extend(open_ground::note(open, all_mm2, top_mm, settings));
-    warnings.extend(short_layers_note(planned.slowed, settings));
+    warnings.extend(short_layers_note(planned.printed.slowed, settings));
     warnings.extend(settings_warnings(settings));
     warnings
 }
@@ -171,7 +187,7 @@ fn part_warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
             told.collect::<Vec<_>>().join(", ")
         ));
     }
-    let mut left_out: Vec<&LeftOut> = planned.left_out.iter().collect();
+    let mut left_out: Vec<&LeftOut> = planned.printed.left_out.iter().collect();
     left_out.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
     if !left_out.is_empty() {
         let all_mm2: f64 = left_out.iter().map(|l| l.area_mm2).sum();
@@ -188,7 +204,7 @@ fn part_warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
             told.collect::<Vec<_>>().join("; ")
         ));
     }
-    let doubled = planned.motion.doubled_moves;
+    let doubled = planned.printed.doubled_moves;
     if doubled > 0 {
         warnings.push(format!(
             "{doubled} moves had to be slowed as a whole to keep the limits"

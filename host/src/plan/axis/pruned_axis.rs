@@ -16,9 +16,9 @@ use crate::plan::axis::medial_axis::MedialAxis;
 /// It also goes while the passage is too narrow for the aperture: nothing is laid there, and the
 /// teeth of fine noise are as sharp as any corner, so that their angle alone would keep a branch
 /// from each of them to the middle.
-const OBJECT_ANGLE_MIN_RAD: f64 = 115.0 * std::f64::consts::PI / 180.0;
+pub(super) const OBJECT_ANGLE_MIN_RAD: f64 = 115.0 * std::f64::consts::PI / 180.0;
 /// A branch shorter than this many times the radius at its base goes.
-const BRANCH_RATIO: f64 = 0.6;
+pub(super) const BRANCH_RATIO: f64 = 0.6;
 /// Rounds of branch pruning; each shortens every subtree by one branch.
 const ROUNDS_MAX: usize = 64;
 

@@ -23,7 +23,7 @@ pub fn chord(
     let along = (towards - at).try_normalize(1e-12).unwrap_or(Vector2::x());
     let across = Vector2::new(-along.y, along.x);
     let foot = |side: f64| {
-        let probe = seen_from + across * (side * 0.3 * radius_mm);
+        let probe = seen_from + across * (side * PROBE_SHARE * radius_mm);
         let Some(nearest) = walls.nearest(probe) else {
             return probe;
         };
@@ -41,6 +41,9 @@ pub fn chord(
 
 /// How far a chord passes the wall: above the slicer's grid, below any wall thickness.
 const CHORD_BEYOND_MM: f64 = 1e-4;
+
+/// How far beside the axis a wall is sought, against the distance of the walls.
+const PROBE_SHARE: f64 = 0.3;
 
 /// A foot this close to a corner is at it, mm.
 const AT_CORNER_MM: f64 = 1e-6;

@@ -24,6 +24,15 @@ const CHANGE_STEP: f64 = 1.0;
 const NODE_LEAST: f64 = 0.01;
 /// Printed path of one bead, per mm of axis: it is on both sides.
 const BEAD_WEIGHT: f64 = 2.0;
+/// Cost of a passage wider than its beads can be, for each of their widest half-widths that stays open,
+/// per mm of axis.
+pub(super) const TOO_WIDE: f64 = 40.0;
+/// Cost of a passage too narrow for its beads, for each of their narrowest widths that is missing, per mm.
+pub(super) const TOO_NARROW: f64 = 10.0;
+/// Most overlap that counts, in narrowest widths.
+const OVERLAP_MAX: f64 = 10.0;
+/// Most rounds of spreading a change of k.
+const BLEND_ROUNDS_MAX: f64 = 400.0;
 
 /// Range of the width of a bead channel, the strip between neighbouring beads' edges that one bead
 /// is to fill, mm.
@@ -40,8 +49,11 @@ pub struct ChannelWidths {
 impl ChannelWidths {
     /// For beads that overlap by this share of their width.
     pub fn of(aperture: &Aperture, overlap: f64) -> ChannelWidths {
-        let [least_mm, most_mm] = [aperture.minor_mm(), WIDEST_SHARE * aperture.major_mm()]
-            .map(|half_mm| 2.0 * half_mm * (1.0 - overlap));
+        let [least_mm, most_mm] = [
+            aperture.minor_mm(),
+            WIDEST_CHANNEL_SHARE * aperture.major_mm(),
+        ]
+        .map(|half_mm| 2.0 * half_mm * (1.0 - overlap));
         ChannelWidths {
             least_mm,
             most_mm,
@@ -103,7 +115,7 @@ pub fn blended(
     widths: ChannelWidths,
 ) -> Vec<f64> {
     let neighbours = axis.neighbours();
-    let rounds = ((blend_mm / step_mm).powi(2) / 2.0).clamp(0.0, 400.0) as usize;
+    let rounds = ((blend_mm / step_mm).powi(2) / 2.0).clamp(0.0, BLEND_ROUNDS_MAX) as usize;
     let mut values = counts.to_vec();
     for _ in 0..rounds {
         let next: Vec<f64> = (0..values.len())
@@ -165,12 +177,12 @@ fn tiling_cost(radius_mm: f64, beads: f64, widths: ChannelWidths) -> f64 {
     let width = radius_mm / beads;
     let gap = (width / widths.most_mm - 1.0).max(0.0);
     let overlap = (widths.least_mm / width.max(1e-6 * widths.unit_mm) - 1.0).max(0.0);
-    40.0 * gap + 10.0 * overlap.min(10.0) + BEAD_WEIGHT * beads
+    TOO_WIDE * gap + TOO_NARROW * overlap.min(OVERLAP_MAX) + BEAD_WEIGHT * beads
 }
 
 /// Share of the widest bead that straight channels may need: the rest is for their corners, where
 /// the distance across is longer.
-const WIDEST_SHARE: f64 = 0.97;
+const WIDEST_CHANNEL_SHARE: f64 = 0.97;
 
 fn change_cost(from: usize, to: usize, unit_mm: f64) -> f64 {
     if from == to {

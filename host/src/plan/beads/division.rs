@@ -12,6 +12,7 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::plan::axis::pruned_axis::{Axis, flood};
+use crate::plan::beads::bead_count::{TOO_NARROW, TOO_WIDE};
 use crate::plan::beads::passes::PassSettings;
 use crate::plan::beads::t_join::cheapest_links;
 use std::f64::consts::FRAC_PI_4;
@@ -20,11 +21,6 @@ use std::f64::consts::FRAC_PI_4;
 /// interruption of flow: as much as to cover 1.2 times the aperture's area again (ellipse of 0.6 x
 /// 0.2 mm). Real slices divide the same from 9 to 10.
 const END_SHARE: f64 = 9.5;
-/// Cost of a passage wider than one bead can be, for each of the widest bead's half-widths that stays
-/// open, per mm.
-const TOO_WIDE: f64 = 40.0;
-/// Cost of a passage too narrow for two sides, for each b of missing radius, per mm.
-const TOO_NARROW: f64 = 10.0;
 /// Radius against b below which a passage is tight: sides that overlap almost completely are only
 /// printed where they continue into a wider area.
 const TIGHT_SHARE: f64 = 1.4;
@@ -34,7 +30,7 @@ const TIGHT_LENGTH_SHARE: f64 = 1.5;
 /// Cost of laying two beads where one would do, per mm.
 const TWO_FOR_ONE: f64 = 0.05;
 /// Share of a that a single bead may need: the rest is for bends.
-const WIDEST_SHARE: f64 = 0.89;
+const WIDEST_SINGLE_SHARE: f64 = 0.89;
 
 /// The nodes that single runs are on, necks among them. `is_neck` are the nodes too narrow for any
 /// bead that do not just end in a corner.
@@ -125,7 +121,7 @@ impl<'a> Passages<'a> {
     fn more_for_one_bead(&self, node: usize, one_pass: bool) -> f64 {
         let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
         let r = self.axis.radii_mm[node];
-        let beads = r / (WIDEST_SHARE * a);
+        let beads = r / (WIDEST_SINGLE_SHARE * a);
         let two_sides = if one_pass && r <= a {
             TOO_WIDE
         } else if self.is_open[node] {
@@ -204,7 +200,7 @@ impl<'a> Passages<'a> {
         costs: &[f64],
         end_cost: f64,
     ) {
-        let widest_mm = WIDEST_SHARE * self.aperture.major_mm();
+        let widest_mm = WIDEST_SINGLE_SHARE * self.aperture.major_mm();
         let mut more = vec![0.0; single.len()];
         for (link, cost) in links.iter().zip(costs) {
             more[link[0] as usize] += cost;

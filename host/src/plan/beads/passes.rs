@@ -85,6 +85,17 @@ impl PassSettings {
 /// figure shows.
 const CHANNELS_MAX: usize = 4096;
 
+/// Spacing of contacts, of the field's nodes and of the axis' nodes, against b.
+const SPACING_SHARE: f64 = 0.5;
+/// Length over which a change of bead count is blended, against a.
+const BLEND_SHARE: f64 = 2.0;
+/// Half-window of normal smoothing, against b.
+const SMOOTHING_SHARE: f64 = 0.75;
+/// Least turn of a wall that is a corner, rad.
+pub const CORNER_RAD: f64 = 0.35;
+/// Turn between the contacts of the fan at a corner, rad.
+const FAN_RAD: f64 = 0.14;
+
 /// Lengths that the pass planner derives from the aperture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lengths {
@@ -105,11 +116,11 @@ impl Lengths {
     pub fn of(aperture: &Aperture) -> Lengths {
         let (a, b) = (aperture.major_mm(), aperture.minor_mm());
         Lengths {
-            contact_mm: 0.5 * b,
-            grid_mm: 0.5 * b,
-            axis_mm: 0.5 * b,
-            blend_mm: 2.0 * a,
-            smoothing_mm: 0.75 * b,
+            contact_mm: SPACING_SHARE * b,
+            grid_mm: SPACING_SHARE * b,
+            axis_mm: SPACING_SHARE * b,
+            blend_mm: BLEND_SHARE * a,
+            smoothing_mm: SMOOTHING_SHARE * b,
         }
     }
 
@@ -118,8 +129,8 @@ impl Lengths {
         ContactSpacing {
             spacing_mm: self.contact_mm,
             smoothing_mm: self.smoothing_mm,
-            corner_rad: 0.35,
-            fan_rad: 0.14,
+            corner_rad: CORNER_RAD,
+            fan_rad: FAN_RAD,
         }
     }
 }
@@ -304,6 +315,8 @@ fn channel_passes(
 /// Beyond the bisector of a right corner the slope is zero: there neither rounding nor slight noise
 /// may decide.
 const SLOPE_SHARE_MIN: f64 = 0.03;
+/// Farthest that the inner wall is sought, against a: farther than any channel is wide.
+const REACH_SHARE: f64 = 2.5;
 
 /// Distance along the normal from the channel's outer wall to its inner one (or to the axis).
 fn channel_width_mm(
@@ -315,7 +328,7 @@ fn channel_width_mm(
 ) -> f64 {
     let target = channel as f64;
     let step = 0.25 * grid_mm;
-    let reach = 2.5 * aperture.major_mm();
+    let reach = REACH_SHARE * aperture.major_mm();
     let at = |t: f64| field.at(contact.point + contact.normal * t);
     let (mut t, mut last) = (grid_mm, at(grid_mm));
     let slope = (last - (target - 1.0)).max(0.0) / grid_mm;
@@ -363,13 +376,15 @@ fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {
 const RUN_SHARE_MIN: f64 = 2.0;
 /// Shortest loop against b: what does not move at all is no pass.
 const LOOP_SHARE_MIN: f64 = 0.5;
+/// Way that turning on the spot counts as there, mm a radian.
+const TURN_MM: f64 = 0.1;
 
 fn run_length_mm(pass: &LayerPass) -> f64 {
     let turns = pass.placements.windows(2);
     let turned_rad: f64 = turns
         .map(|w| (w[1].at.heading_rad - w[0].at.heading_rad).abs())
         .sum();
-    pass.length_mm() + 0.1 * turned_rad
+    pass.length_mm() + TURN_MM * turned_rad
 }
 
 /// A single run on the axis: the aperture spans the passage.

@@ -118,6 +118,9 @@ fn necks(axis: &Axis, neighbours: &[Vec<u32>], b: f64) -> Vec<bool> {
     is_neck
 }
 
+/// Least length that a contact on the axis stands for, mm.
+const LENGTH_MIN_MM: f64 = 0.02;
+
 /// Longest single run into a point, against a.
 const POINT_LENGTH_SHARE_MAX: f64 = 8.0;
 /// Widest end of a dead end that is a point, against b.
@@ -328,7 +331,7 @@ fn axis_contacts(
             Contact {
                 point: p,
                 normal: Vector2::new(-along.y, along.x),
-                length_mm: step.max(0.02),
+                length_mm: step.max(LENGTH_MIN_MM),
                 extent_mm: settings.law_extent_mm(r.clamp(b, a)),
                 on_axis: true,
             }

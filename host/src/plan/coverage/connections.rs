@@ -15,9 +15,9 @@ use crate::plan::pass::sweep::turn_to;
 const STEP_SHARE: f64 = 0.6;
 const STEP_RAD: f64 = 0.2;
 /// A connection may cut the wall by this share of the aperture; the finished curve is pushed off.
-const CUT_SHARE: f64 = 1e-3;
+pub const CUT_SHARE: f64 = 1e-3;
 /// Slides of one pose of a connection, and the largest slide, relative to b.
-const SLIDES: usize = 4;
+pub const SLIDES: usize = 4;
 const SLIDE_SHARE: f64 = 0.8;
 
 /// Timing of a connection: the shares of the move and of the turn that are done at a share of its

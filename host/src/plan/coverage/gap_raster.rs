@@ -31,6 +31,8 @@ const NET_AGAIN_WEIGHT: f64 = 0.22;
 const HEADINGS: usize = 12;
 /// Places tried in each gap.
 const SEEDS: usize = 12;
+/// How far a placement is set off from its place along and across it, against a and b.
+const START_SHARES: [f64; 2] = [0.7, 0.6];
 /// Slides of a tried placement off the walls.
 const SLIDES: usize = 4;
 /// Rounds of the refining pattern search, each with half the step of the one before.
@@ -202,8 +204,8 @@ impl GapRaster {
         let across = Vector2::new(-along.y, along.x);
         // Not on the raster's own places: the outline would pass through the middles of cells.
         let p = p + ASIDE * self.grid.cell_mm;
-        let end = along * (0.7 * aperture.major_mm());
-        let side = across * (0.6 * aperture.minor_mm());
+        let end = along * (START_SHARES[0] * aperture.major_mm());
+        let side = across * (START_SHARES[1] * aperture.minor_mm());
         [Vector2::zeros(), end, -end, side, -side].map(|shift| Configuration {
             center: p + shift,
             heading_rad,

@@ -8,7 +8,7 @@
 
 use crate::geometry::clearance::Configuration;
 use crate::geometry::plane_curve::{PlaneControl, configuration};
-use crate::plan::coverage::connections::bent_connection;
+use crate::plan::coverage::connections::{CUT_SHARE, SLIDES, bent_connection};
 use crate::plan::curve::pushing_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::joining::links::{LENGTH_SHARE, TURN_MAX_RAD};
@@ -19,10 +19,6 @@ use std::ops::Range;
 const BESIDE: [usize; 4] = [2, 4, 8, 16];
 /// Control points beyond a detour that may be pushed along with it.
 const MARGIN: usize = 8;
-/// Slides of the poses where it begins and ends, and what they may cut of the aperture.
-const SLIDES: usize = 4;
-/// See [`SLIDES`].
-const CUT_SHARE: f64 = 1e-3;
 
 /// The curve with a detour around each group of bad spans that has one; `None` if none has.
 pub fn detoured(

@@ -26,6 +26,10 @@ const POSES_MIN: usize = 6;
 const POSES_MAX: usize = 2000;
 /// Rounds of pushing back; each at least halves the remaining cut.
 const ROUNDS_MAX: usize = 40;
+/// How much farther than a cut is deep it is pushed back, against the tolerance.
+const DEEPER_SHARE: f64 = 0.3;
+/// How much harder each round pushes than the first.
+const GAIN_A_ROUND: f64 = 0.05;
 /// Round from which poses are turned as well as pushed: where pushing alone settles, headings stay.
 const TURNING_ROUND: usize = 8;
 /// Sweeps in which poses are moved back one by one.
@@ -227,7 +231,7 @@ impl<'a> InsideWalls<'a> {
         let mut turn = vec![0.0f64; control.len()];
         for cut in cuts {
             let (span, t) = (cut.span, cut.t);
-            let depth_mm = cut.found.depth_mm + 0.3 * self.tolerance_mm;
+            let depth_mm = cut.found.depth_mm + DEEPER_SHARE * self.tolerance_mm;
             let (back, by_rad) = if turning {
                 self.pushed_and_turned(cut.heading_rad, cut.found.outward, depth_mm)
             } else {
@@ -241,7 +245,7 @@ impl<'a> InsideWalls<'a> {
             }
         }
         // Later rounds push harder, so that narrow places where two walls push in turn settle.
-        let gain = 1.0 + 0.05 * round as f64;
+        let gain = 1.0 + GAIN_A_ROUND * round as f64;
         let mut changed = vec![false; spans];
         for (i, by) in push.iter().enumerate() {
             if by.norm_squared() > 0.0 || turn[i] != 0.0 {

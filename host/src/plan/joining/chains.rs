@@ -13,15 +13,13 @@ use crate::geometry::point_grid::PointGrid;
 use crate::plan::coverage::raster::NearbyPasses;
 use crate::plan::headings::runs::unwrap_headings;
 use crate::plan::joining::end_matching::{End, Pair, matched};
-use crate::plan::joining::links::{Directed, link, nearest_of_each};
+use crate::plan::joining::links::{Directed, LENGTH_SHARE, link, nearest_of_each};
 use crate::plan::joining::order::{opened, rotated};
 use crate::plan::pass::{LayerPass, Placement};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
-/// Longest connection between two joined ends, relative to a.
-const END_REACH_SHARE: f64 = 3.6;
 /// Ground that the join which closes the last open run may cover again, against the aperture's
 /// area.
 const IDLE_SHARE: f64 = 0.25;
@@ -40,7 +38,7 @@ struct Join {
 
 /// Joins the ends of open passes where that is cheap.
 pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
-    let near = near_ends(&passes, END_REACH_SHARE * aperture.major_mm());
+    let near = near_ends(&passes, LENGTH_SHARE * aperture.major_mm());
     let nearby = LazyLock::new(|| NearbyPasses::of(&passes, aperture));
     let joins: Vec<Join> = near
         .into_par_iter()
@@ -106,7 +104,7 @@ pub fn around_loops(
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<LayerPass> {
-    let near = ends_at_loops(&passes, END_REACH_SHARE * aperture.major_mm());
+    let near = ends_at_loops(&passes, LENGTH_SHARE * aperture.major_mm());
     if near.is_empty() {
         return passes;
     }

@@ -11,7 +11,6 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Region;
-use crate::plan::headings::profile::turn_weight_mm4;
 use crate::plan::joining::bridges::bridged;
 use crate::plan::joining::chains::{around_loops, chained};
 use crate::plan::joining::infill_links::linked_along_walls;
@@ -19,7 +18,6 @@ use crate::plan::joining::links::linked;
 use crate::plan::joining::order::ordered;
 use crate::plan::joining::seam::with_seam;
 use crate::plan::pass::LayerPass;
-use crate::plan::pose_limits::pose_limits;
 use crate::settings::{SeamPlace, Settings};
 
 /// What belongs to one region, local coordinates.
@@ -56,7 +54,6 @@ pub fn in_printing_order(
         open: region.open,
         from,
         aperture,
-        turn_weight_mm4: turn_weight_mm4(&pose_limits(settings), aperture),
     };
     finish.behind(passes)
 }
@@ -110,7 +107,6 @@ struct Finish<'a> {
     open: &'a [Region],
     from: Point2,
     aperture: &'a Aperture,
-    turn_weight_mm4: f64,
 }
 
 impl Finish<'_> {
@@ -129,13 +125,8 @@ impl Finish<'_> {
             from = last_place(&passes).unwrap_or(from);
         }
         if !self.sparse.is_empty() {
-            passes.extend(linked_along_walls(
-                ordered(self.sparse, from, self.aperture),
-                self.open,
-                self.turn_weight_mm4,
-                self.aperture,
-                self.walls,
-            ));
+            let sparse = linked_along_walls(self.sparse, self.open, self.aperture);
+            passes.extend(ordered(sparse, from, self.aperture));
         }
         passes
     }

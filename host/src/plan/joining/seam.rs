@@ -9,12 +9,11 @@
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
+use crate::plan::beads::passes::CORNER_RAD;
 use crate::plan::joining::order::{opened, rotated};
 use crate::plan::pass::LayerPass;
 use crate::settings::{Seam, SeamPlace};
 
-/// Least turn of the wall that counts as a corner, rad.
-const CORNER_RAD: f64 = 0.35;
 /// Length of wall to each side of a placement over which its turn is measured, against b: a
 /// corner's smoothed normals and its fan are within it.
 const WINDOW_SHARE: f64 = 1.5;

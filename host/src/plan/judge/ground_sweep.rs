@@ -9,6 +9,7 @@
 //! counts as reachable.
 
 use super::figures::Swept;
+use super::measure::{STEP, STEP_RAD};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::chart::{Chart, SurfaceFrame};
 use crate::geometry::clearance::{Configuration, outside_bound_mm};
@@ -31,9 +32,6 @@ use rayon::prelude::*;
 /// Side of the cells, of the aperture's unit, unless a layer would have more than this many.
 const CELL: f64 = 0.02;
 const CELLS_MAX: f64 = 3e6;
-/// Longest step between poses, of the unit, and longest turn.
-const STEP: f64 = 0.02;
-const STEP_RAD: f64 = 0.02;
 /// A point this far off a pose's plane, of a layer's height, is on another sheet of the surface.
 const SHEET: f64 = 2.0;
 /// Points of the outline at which its depth outside is measured, and the number of poses checked in this

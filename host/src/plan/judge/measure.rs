@@ -14,6 +14,7 @@ use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::job::transform::PartTransform;
 use crate::job::{MotionState, SegmentStream};
+use crate::plan::coverage::raster::SKEW_RAD;
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::layers::layer_groups::OFF_REGIONS;
 use crate::plan::outline::contour::Contour;
@@ -55,17 +56,13 @@ const CELL: [f64; 2] = [0.005, 0.02];
 const CELLS_MAX: usize = 6_000_000;
 /// Longest step between poses of the sweep, of the unit: the scallop it leaves on the sharpest aperture
 /// (b²/a = 0.07 mm) is below 1 µm.
-const STEP: f64 = 0.02;
+pub(super) const STEP: f64 = 0.02;
 /// The same for a sharp corner, which leaves a notch of half the step at worst.
 const STEP_SHARP: f64 = 0.004;
 /// Longest turn between poses of the sweep, rad.
-const STEP_RAD: f64 = 0.02;
+pub(super) const STEP_RAD: f64 = 0.02;
 /// Uncovered cells that are checked for whether they could be reached; more are sampled evenly.
 const ASKED_MAX: usize = 4_000;
-
-/// Turn of a raster against the region's own frame, rad: aslant to walls along the axes or at 45°,
-/// where whole rows of cells would fall to either side of a wall at once.
-const SKEW_RAD: f64 = 0.4;
 
 /// Poses that differ by less leave the same figures, mm: a thousandth of a raster's cell.
 const SAME_MM: f64 = 1e-5;

@@ -19,19 +19,17 @@ use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::plan::route::bead_headings::{BeadLines, HeadingTrack, WidthOff};
 use crate::plan::route::chords::Chords;
+use crate::plan::route::waypoint_curve::CORNER_RAD;
 use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
 use std::f64::consts::{FRAC_PI_4, PI};
 
-/// Largest distance of the curve from a vertex, of the aperture's unit: a corner, and a vertex of a polygon
-/// that represents a curve; less what the fit of the segments takes, and what the steps grow by before a
-/// corner.
-const CORNER: f64 = 0.036;
+/// Largest distance of the curve from a vertex, of the aperture's unit: a corner, and a vertex of a polygon that
+/// represents a curve; less what the fit of the segments takes, and what the steps grow by before a corner.
+pub(super) const CORNER: f64 = 0.036;
 const JOINT: f64 = 0.014;
-/// Turns above this are corners.
-const CORNER_RAD: f64 = PI / 6.0;
 /// Shortest and longest distance of control points, of the unit.
 const SPACING_MIN: f64 = 0.02;
 const SPACING_MAX: f64 = 1.0;

@@ -15,10 +15,11 @@ use crate::job::MotionState;
 use crate::plan::curve::heading_stops::heading_range;
 use crate::plan::layers::PlanePass;
 use crate::plan::pass::PassKind;
+use crate::plan::route::flow::QUINTIC_PEAK;
 use crate::plan::route::flow::pass_volumes::volumes_mm3;
 use crate::plan::route::hop::{Hop, is_right_above};
 use crate::plan::route::keep_out::Way;
-use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
+use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::plan::route::travel::{TravelError, TravelWays};
 use crate::settings::Settings;
 use crate::settings::kinds::KindSettings;
@@ -126,18 +127,11 @@ impl Head<'_> {
         if let Some(&last) = control.last() {
             self.at = last;
         }
-        let curve = PathCurve { control };
         self.route.moves.push(RouteMove {
-            state,
-            layer,
             pass,
-            curve,
             dwell_s,
-            speed_mm_s: None,
-            speeds_mm_s: Vec::new(),
-            acceleration_mm_s2: None,
-            parts: Vec::new(),
             event,
+            ..RouteMove::new(state, layer, control)
         });
     }
 
@@ -332,7 +326,7 @@ fn asked_of(pass: &PlanePass, settings: &Settings) -> KindSettings {
 /// times its mean rate.
 pub fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
     if volume_mm3 > 0.0 && rate_mm3_s > 0.0 {
-        1.875 * volume_mm3 / rate_mm3_s
+        QUINTIC_PEAK * volume_mm3 / rate_mm3_s
     } else {
         0.0
     }

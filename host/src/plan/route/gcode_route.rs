@@ -13,7 +13,7 @@ use crate::plan::route::bead_headings::{WidthOff, bead_headings};
 use crate::plan::route::build_route::entry_heading_of;
 use crate::plan::route::chords::{ChordMove, Chords};
 use crate::plan::route::flow::event_duration_s;
-use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
+use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
@@ -27,7 +27,7 @@ const FIRST_TRAVEL_S: f64 = 1.0;
 /// A planned travel begins and ends this near to where it must, mm and rad.
 const START_MM: f64 = 1e-3;
 /// Share of the extruder's limits that pushes use: rounding of their durations to ticks.
-const PUSH_SHARE: f64 = 0.98;
+pub(super) const PUSH_SHARE: f64 = 0.98;
 
 /// Data for a route in addition to its passes.
 #[derive(Clone, Copy, Debug)]
@@ -157,18 +157,7 @@ impl Head<'_> {
             self.at = last;
         }
         let moves = &mut self.made.route.moves;
-        moves.push(RouteMove {
-            state,
-            layer,
-            pass: None,
-            curve: PathCurve { control },
-            dwell_s: 0.0,
-            speed_mm_s: None,
-            speeds_mm_s: Vec::new(),
-            acceleration_mm_s2: None,
-            parts: Vec::new(),
-            event: None,
-        });
+        moves.push(RouteMove::new(state, layer, control));
         let last = moves.len() - 1;
         &mut moves[last]
     }

@@ -42,6 +42,24 @@ pub struct RouteMove {
     pub event: Option<MoveEvent>,
 }
 
+impl RouteMove {
+    /// A move of a layer through control points, as fast as its state may; one point is a dwell.
+    pub fn new(state: MotionState, layer: u32, control: Vec<[f64; CHANNELS]>) -> RouteMove {
+        RouteMove {
+            state,
+            layer,
+            pass: None,
+            curve: PathCurve { control },
+            dwell_s: 0.0,
+            speed_mm_s: None,
+            speeds_mm_s: Vec::new(),
+            acceleration_mm_s2: None,
+            parts: Vec::new(),
+            event: None,
+        }
+    }
+}
+
 /// A layer of a move that prints several, rising all along.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LayerPart {

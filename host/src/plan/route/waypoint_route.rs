@@ -15,6 +15,7 @@ use crate::plan::route::build_route::{event_duration_s, nearest_heading};
 use crate::plan::route::clear_travel::{Legs, PrintedSoFar, UPRIGHT_RAD, crossing, moved_to};
 use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
+use crate::plan::route::gcode_route::PUSH_SHARE;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove, tilt, tip, way_mm};
 use crate::plan::route::waypoint_curve::upright;
 use crate::plan::route::wide_beads::pump::stopped_early;
@@ -339,18 +340,7 @@ impl Clearance {
 }
 
 fn route_move(state: MotionState, control: Vec<Point>) -> RouteMove {
-    RouteMove {
-        state,
-        layer: 0,
-        pass: None,
-        curve: PathCurve { control },
-        dwell_s: 0.0,
-        speed_mm_s: None,
-        speeds_mm_s: Vec::new(),
-        acceleration_mm_s2: None,
-        parts: Vec::new(),
-        event: None,
-    }
+    RouteMove::new(state, 0, control)
 }
 
 /// A travel; nothing where it would not move.
@@ -453,9 +443,6 @@ fn add_flow(curves: &mut [PathCurve], start_mm3: f64, settings: &Settings) {
         next += curve.control.len().saturating_sub(1) * DEPOSIT_STEPS;
     }
 }
-
-/// Share of the extruder's limit that a push has where the settings have no rate: as those of other files.
-const PUSH_SHARE: f64 = 0.98;
 
 /// The prime and the retract of a pass; `usual` if it requests none.
 fn pushes(asked: &PassAsked, usual: PrimeRetract, settings: &Settings) -> PrimeRetract {

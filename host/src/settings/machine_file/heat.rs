@@ -1,45 +1,13 @@
-//! `[material]` and `[heaters]` of a machine file.
+//! `[heaters]` of a machine file.
 
 use super::MachineFileError;
-use crate::settings::heat::{HEATER_KEYS, Material};
+use crate::settings::heat::HEATER_KEYS;
 use headway_firmware::configuration::heat::{
     EXTRUDE_MIN_C, Gains, HeatConfiguration, HeaterConfiguration, HeaterRole, Plant,
 };
 use headway_firmware::configuration::sensor::{Sensor, SensorCurve};
 use serde::Deserialize;
 use std::fmt::Write;
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct FileMaterial {
-    hot_end_c: f64,
-    bed_c: Option<f64>,
-    fan_pct: Option<f64>,
-    first_layer_hot_end_c: Option<f64>,
-    first_layer_bed_c: Option<f64>,
-    fan_from_layer: Option<u32>,
-    pause_heat_max_min: Option<f64>,
-    density_g_cm3: Option<f64>,
-    price_per_kg: Option<f64>,
-    diameter_mm: Option<f64>,
-}
-
-impl FileMaterial {
-    pub(super) fn material(&self) -> Material {
-        Material {
-            hot_end_c: self.hot_end_c,
-            bed_c: self.bed_c.unwrap_or(0.0),
-            fan_pct: self.fan_pct.unwrap_or(0.0),
-            first_layer_hot_end_c: self.first_layer_hot_end_c,
-            first_layer_bed_c: self.first_layer_bed_c,
-            fan_from_layer: self.fan_from_layer,
-            pause_heat_max_min: self.pause_heat_max_min,
-            density_g_cm3: self.density_g_cm3,
-            price_per_kg: self.price_per_kg,
-            diameter_mm: self.diameter_mm,
-        }
-    }
-}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -148,33 +116,6 @@ fn named(key: &str, name: &str) -> Result<Sensor, MachineFileError> {
             known.join(", ")
         ))
     })
-}
-
-/// Writes the group of what is printed.
-pub(super) fn write_material(text: &mut String, material: &Material) -> std::fmt::Result {
-    writeln!(
-        text,
-        "\n# Set before the job, which waits for it, and switched off after it.\n[material]"
-    )?;
-    writeln!(text, "hot_end_c = {}", material.hot_end_c)?;
-    writeln!(text, "bed_c = {}", material.bed_c)?;
-    writeln!(text, "fan_pct = {}", material.fan_pct)?;
-    if let Some(layer) = material.fan_from_layer {
-        writeln!(text, "fan_from_layer = {layer}")?;
-    }
-    for (key, value) in [
-        ("first_layer_hot_end_c", material.first_layer_hot_end_c),
-        ("first_layer_bed_c", material.first_layer_bed_c),
-        ("pause_heat_max_min", material.pause_heat_max_min),
-        ("density_g_cm3", material.density_g_cm3),
-        ("price_per_kg", material.price_per_kg),
-        ("diameter_mm", material.diameter_mm),
-    ] {
-        if let Some(value) = value {
-            writeln!(text, "{key} = {value}")?;
-        }
-    }
-    Ok(())
 }
 
 /// Writes the group of heaters.

@@ -6,19 +6,23 @@
 //! keys default to the built-in machine's. This file is the only place where degrees become
 //! radians.
 
-use super::aperture_text::{ApertureTextError, parse_aperture};
+use super::aperture_text::ApertureTextError;
 use super::check::joint_names;
 use super::error::SettingsError;
-use super::{
-    HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
-    Tolerances,
+use super::groups::{
+    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, SkirtKeys,
+    TolerancesKeys,
 };
+use super::heat::Material;
+use super::kinds::Kinds;
+use super::probe::ProbeSettings;
+use super::{Infill, Settings};
 use crate::settings::axes_words::AxesError;
 use head::FileHead;
+use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_firmware::configuration::homing::HomingConfiguration;
-use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use serde::Deserialize;
 
 mod axes;
@@ -29,22 +33,20 @@ mod heat;
 mod joints;
 mod kinds;
 mod motors;
-mod probe;
+#[cfg(test)]
+mod probe_tests;
 mod shaper;
 mod switches;
-mod wide_beads;
 mod wiring;
 mod write;
 use axes::FileKinematics;
 use drivers::FileDriver;
 use gcode::FileGcode;
 pub use gcode::gcode_letters;
-use heat::{FileHeaters, FileMaterial};
+use heat::FileHeaters;
 pub use heat::{write_heater, write_heaters};
 use joints::{FileArm, Joints};
-use kinds::FileKinds;
 use motors::FileMotors;
-use probe::FileProbe;
 use shaper::FileShaper;
 use std::collections::BTreeMap;
 use switches::FileSwitch;
@@ -136,20 +138,20 @@ struct File {
     motors: Option<FileMotors>,
     #[serde(default)]
     shaper: BTreeMap<String, FileShaper>,
-    extruder: Extruder,
+    extruder: ExtruderKeys,
     head: Option<FileHead>,
     #[serde(default)]
-    print: Print,
+    print: PrintKeys,
     #[serde(default)]
-    flow: Flow,
-    infill: Option<FileInfill>,
+    flow: FlowKeys,
+    infill: Option<InfillKeys>,
     #[serde(default)]
-    kinds: FileKinds,
+    kinds: Kinds,
     #[serde(default)]
-    skirt: FileSkirt,
+    skirt: SkirtKeys,
     #[serde(default)]
-    tolerances: FileTolerances,
-    material: Option<FileMaterial>,
+    tolerances: TolerancesKeys,
+    material: Option<MaterialKeys>,
     heaters: Option<FileHeaters>,
     #[serde(default)]
     gcode: FileGcode,
@@ -158,7 +160,7 @@ struct File {
     switches: Option<BTreeMap<String, FileSwitch>>,
     #[serde(default)]
     wiring: FileWiring,
-    probe: Option<FileProbe>,
+    probe: Option<ProbeKeys>,
 }
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -177,141 +179,36 @@ struct WorkArea {
     max_mm: [f64; 3],
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Extruder {
-    steps_per_mm3: f64,
-    speed_max_mm3_s: f64,
-    acceleration_max_mm3_s2: f64,
-    pressure_advance_s: Option<f64>,
-    pressure_advance_window_ms: Option<f64>,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Print {
-    aperture: Option<String>,
-    layers: Option<u32>,
-    layer_height_mm: Option<f64>,
-    speed_mm_s: Option<f64>,
-    travel_speed_mm_s: Option<f64>,
-    tip_acceleration_mm_s2: Option<f64>,
-    lift_mm: Option<f64>,
-    overlap_pct: Option<f64>,
-    nozzle_body_radius_mm: Option<f64>,
-    avoid_crossing: Option<bool>,
-    seam: Option<SeamPlace>,
-    seam_direction_deg: Option<f64>,
-    pass: Option<PassMode>,
-    law: Option<HeadingLaw>,
-    quality: Option<Quality>,
-    layer_time_min_s: Option<f64>,
-    slow_speed_min_mm_s: Option<f64>,
-    outer_inner_ratio_max: Option<f64>,
-    layer_time_max_s: Option<f64>,
-    continuous_z: Option<bool>,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Flow {
-    factor: Option<f64>,
-    flow_max_mm3_s: Option<f64>,
-    rate_of_change_max_mm3_s2: Option<f64>,
-    retract_mm3: Option<f64>,
-    retract_rate_mm3_s: Option<f64>,
-    retract_lead_s: Option<f64>,
-    prime_mm3: Option<f64>,
-    prime_rate_mm3_s: Option<f64>,
-    prime_lead_s: Option<f64>,
-    pump_start_mm: Option<f64>,
-    pump_stop_mm: Option<f64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileInfill {
-    walls: u32,
-    density_pct: Option<f64>,
-    angle_deg: Option<f64>,
-    bottom_layers: Option<u32>,
-    top_layers: Option<u32>,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileSkirt {
-    loops: Option<u32>,
-    brim_loops: Option<u32>,
-    distance_mm: Option<f64>,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileTolerances {
-    outside_mm: Option<f64>,
-    tip_mm: Option<f64>,
-    axis_mrad: Option<f64>,
-    heading_mrad: Option<f64>,
-    flatten_mm: Option<f64>,
-    corner_mm: Option<f64>,
-}
-
 impl File {
+    /// Where the input lies is the command line's.
     fn into_settings(self) -> Result<Settings, MachineFileError> {
         let default = Settings::default();
         let machine = self.machine(&default.machine)?;
-        let (print, flow) = (&self.print, &self.flow);
-        let aperture = match &print.aperture {
-            Some(text) => parse_aperture(text)?,
-            None => default.aperture,
-        };
-        Ok(Settings {
+        let mut settings = Settings {
             machine_name: self.name.clone(),
             drivers: drivers::drivers(&self.drivers, &machine)?,
+            probe: self.probe()?,
             switches: self.switches(&machine)?,
             wiring: self.wiring.wiring(&machine)?,
             board: self.board()?,
-            probe: self.probe.as_ref().map(FileProbe::probe),
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
-            aperture,
-            layers: print.layers.unwrap_or(default.layers),
-            layer_height_mm: print.layer_height_mm.unwrap_or(default.layer_height_mm),
-            speed_mm_s: print.speed_mm_s.unwrap_or(default.speed_mm_s),
-            travel_speed_mm_s: print.travel_speed_mm_s.unwrap_or(default.travel_speed_mm_s),
-            tip_acceleration_mm_s2: print
-                .tip_acceleration_mm_s2
-                .unwrap_or(default.tip_acceleration_mm_s2),
-            lift_mm: print.lift_mm.unwrap_or(default.lift_mm),
             gcode_letters: self.gcode.letters()?,
             gcode_axes: self.gcode.axes()?,
-            flow_factor: flow.factor.unwrap_or(default.flow_factor),
-            flow_max_mm3_s: flow.flow_max_mm3_s.unwrap_or(default.flow_max_mm3_s),
-            flow_rate_of_change_max_mm3_s2: flow
-                .rate_of_change_max_mm3_s2
-                .unwrap_or(default.flow_rate_of_change_max_mm3_s2),
-            prime_retract: flow.prime_retract(&default.prime_retract),
             plan_share: self.plan_share.unwrap_or(default.plan_share),
-            overlap_pct: print.overlap_pct.unwrap_or(default.overlap_pct),
-            pass_mode: print.pass.unwrap_or(default.pass_mode),
-            heading_law: print.law.unwrap_or(default.heading_law),
-            quality: print.quality.unwrap_or(default.quality),
-            infill: self.infill.as_ref().map(FileInfill::infill),
-            skirt: self.skirt.over(&default.skirt),
-            nozzle_body_radius_mm: print
-                .nozzle_body_radius_mm
-                .unwrap_or(default.nozzle_body_radius_mm),
+            infill: self.infill()?,
             head: self.head.as_ref().map(FileHead::shape).transpose()?,
-            obstacles: default.obstacles.clone(),
-            avoid_crossing: print.avoid_crossing.unwrap_or(default.avoid_crossing),
-            seam: print.seam_over(&default.seam),
-            tolerances: self.tolerances.over(&default.tolerances),
-            material: self.material.as_ref().map(FileMaterial::material),
+            kinds: self.kinds,
+            material: self.material()?,
             heaters: self.heaters()?,
-            // Where the input lies is the command line's.
-            ..self.of_layers(default)
-        })
+            ..default
+        };
+        self.print.set(&mut settings)?;
+        self.flow.set(&mut settings)?;
+        self.skirt.set(&mut settings)?;
+        self.tolerances.set(&mut settings)?;
+        settings.space_lines();
+        Ok(settings)
     }
 
     /// Kinematics, joints, motors, extruder, rates.
@@ -322,11 +219,13 @@ impl File {
         let (kinematics, joints) = self.joints()?;
         let motors = self.motors.as_ref();
         let motors = motors.map(|motors| motors.matrix(joint_names(&kinematics), &joints));
+        let mut extruder = default.extruder;
+        self.extruder.set(&mut extruder)?;
         Ok(MachineConfiguration {
             kinematics,
             shapers: shaper::shapers(&self.shaper, &kinematics)?,
             joints: joints.into_iter().collect(),
-            extruder: self.extruder.over(&default.extruder),
+            extruder,
             servo_hz: self.servo_hz.unwrap_or(default.servo_hz),
             step_hz: self.step_hz.unwrap_or(default.step_hz),
             motors: motors.transpose()?.unwrap_or_default(),
@@ -356,114 +255,55 @@ impl File {
         &self,
         machine: &MachineConfiguration,
     ) -> Result<Option<HomingConfiguration>, MachineFileError> {
+        let z_mm = self.z_of_probe_mm()?;
         let given = self.switches.as_ref();
         given
-            .map(|given| switches::switches(given, machine, self.z_of_probe_mm()))
+            .map(|given| switches::switches(given, machine, z_mm))
             .transpose()
     }
 
     /// How high the nozzle is where Z is homed by the probe.
-    fn z_of_probe_mm(&self) -> Option<f64> {
-        let probe = self.probe.filter(|_| self.wiring.z_is_probe())?;
-        Some(probe.probe().z_offset_mm)
+    fn z_of_probe_mm(&self) -> Result<Option<f64>, MachineFileError> {
+        let probe = self.probe()?.filter(|_| self.wiring.z_is_probe());
+        Ok(probe.map(|probe| probe.z_offset_mm))
     }
 
-    /// What differs from kind to kind and from layer to layer.
-    fn of_layers(&self, default: Settings) -> Settings {
-        let print = &self.print;
-        let least_mm_s = default.slow_speed_min_mm_s;
-        Settings {
-            kinds: self.kinds.kinds(),
-            layer_time_min_s: print.layer_time_min_s.unwrap_or(default.layer_time_min_s),
-            slow_speed_min_mm_s: print.slow_speed_min_mm_s.unwrap_or(least_mm_s),
-            wide_beads: self.wide_beads(&default.wide_beads),
-            ..default
+    fn probe(&self) -> Result<Option<ProbeSettings>, MachineFileError> {
+        over(&self.probe, ProbeKeys::set, ProbeSettings::default())
+    }
+
+    fn infill(&self) -> Result<Option<Infill>, MachineFileError> {
+        let both = |keys: &InfillKeys| keys.density_pct.is_some() && keys.spacing_mm.is_some();
+        if self.infill.as_ref().is_some_and(both) {
+            let problem = "infill: give density_pct or spacing_mm, not both";
+            return Err(MachineFileError::Toml(problem.to_string()));
         }
+        over(&self.infill, InfillKeys::set, Infill::solid(1))
+    }
+
+    fn material(&self) -> Result<Option<Material>, MachineFileError> {
+        over(&self.material, MaterialKeys::set, Material::default())
     }
 }
 
-impl Extruder {
-    fn over(&self, default: &ExtruderConfiguration) -> ExtruderConfiguration {
-        ExtruderConfiguration {
-            steps_per_mm3: self.steps_per_mm3,
-            speed_max_mm3_s: self.speed_max_mm3_s,
-            acceleration_max_mm3_s2: self.acceleration_max_mm3_s2,
-            pressure_advance_s: self
-                .pressure_advance_s
-                .unwrap_or(default.pressure_advance_s),
-            pressure_advance_window_ms: self
-                .pressure_advance_window_ms
-                .unwrap_or(default.pressure_advance_window_ms),
-        }
-    }
-}
-
-impl Flow {
-    fn prime_retract(&self, default: &PrimeRetract) -> PrimeRetract {
-        PrimeRetract {
-            retract_mm3: self.retract_mm3.unwrap_or(default.retract_mm3),
-            retract_rate_mm3_s: self
-                .retract_rate_mm3_s
-                .unwrap_or(default.retract_rate_mm3_s),
-            retract_lead_s: self.retract_lead_s.unwrap_or(default.retract_lead_s),
-            prime_mm3: self.prime_mm3.unwrap_or(default.prime_mm3),
-            prime_rate_mm3_s: self.prime_rate_mm3_s.unwrap_or(default.prime_rate_mm3_s),
-            prime_lead_s: self.prime_lead_s.unwrap_or(default.prime_lead_s),
-        }
-    }
-}
-
-impl FileInfill {
-    fn infill(&self) -> Infill {
-        let solid = Infill::solid(self.walls);
-        Infill {
-            density_pct: self.density_pct.unwrap_or(solid.density_pct),
-            angle_rad: self.angle_deg.map_or(solid.angle_rad, f64::to_radians),
-            bottom_layers: self.bottom_layers,
-            top_layers: self.top_layers,
-            ..solid
-        }
-    }
-}
-
-impl Print {
-    fn seam_over(&self, default: &Seam) -> Seam {
-        Seam {
-            place: self.seam.unwrap_or(default.place),
-            direction_rad: self
-                .seam_direction_deg
-                .map_or(default.direction_rad, f64::to_radians),
-        }
-    }
-}
-
-impl FileSkirt {
-    fn over(&self, default: &Skirt) -> Skirt {
-        Skirt {
-            loops: self.loops.unwrap_or(default.loops),
-            brim_loops: self.brim_loops.unwrap_or(default.brim_loops),
-            distance_mm: self.distance_mm.unwrap_or(default.distance_mm),
-        }
-    }
-}
-
-impl FileTolerances {
-    fn over(&self, default: &Tolerances) -> Tolerances {
-        let rad = |mrad: Option<f64>, default_rad: f64| mrad.map_or(default_rad, |v| v / 1e3);
-        Tolerances {
-            outside_mm: self.outside_mm.unwrap_or(default.outside_mm),
-            tip_mm: self.tip_mm.unwrap_or(default.tip_mm),
-            axis_rad: rad(self.axis_mrad, default.axis_rad),
-            heading_rad: rad(self.heading_mrad, default.heading_rad),
-            flatten_mm: self.flatten_mm.unwrap_or(default.flatten_mm),
-            corner_mm: self.corner_mm.unwrap_or(default.corner_mm),
-        }
-    }
+/// What a group that may be missing makes of the usual values.
+fn over<K, T>(
+    group: &Option<K>,
+    set: impl Fn(&K, &mut T) -> Result<(), ApertureTextError>,
+    usual: T,
+) -> Result<Option<T>, MachineFileError> {
+    let Some(group) = group else {
+        return Ok(None);
+    };
+    let mut settings = usual;
+    set(group, &mut settings)?;
+    Ok(Some(settings))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::{Seam, SeamPlace, Skirt};
 
     /// The built-in planar machine's file with groups more, read.
     pub(super) fn planar_with(groups: &str) -> Result<Settings, String> {
@@ -507,6 +347,7 @@ mod tests {
             infill: Some(Infill {
                 walls: 3,
                 density_pct: 12.5,
+                spacing_mm: None,
                 angle_rad: 0.3,
                 bottom_layers: Some(0),
                 top_layers: Some(7),

@@ -4,17 +4,19 @@ use super::axes::write_axes;
 use super::drivers::write_drivers;
 use super::gcode::write_gcode;
 use super::head::write_head;
-use super::heat::{write_heaters, write_material};
+use super::heat::write_heaters;
 use super::kinds::write_kinds;
 use super::motors::write_motors;
-use super::probe::write_probe;
 use super::shaper::write_shapers;
 use super::switches::write_switches;
-use super::wide_beads::{write_flow, write_print};
 use super::wiring::write_wiring;
-use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{axes_joint_names, joint_names, kinematics_name};
-use crate::settings::{BOTTOM_LAYERS, Settings, TOP_LAYERS, Tolerances};
+use crate::settings::groups::{
+    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, SkirtKeys,
+    TolerancesKeys,
+};
+pub(super) use crate::settings::keys::{degrees, nice, number, quoted, triple};
+use crate::settings::{BOTTOM_LAYERS, Infill, Settings, TOP_LAYERS};
 use headway_firmware::configuration::axis_family::AxisFamily;
 use headway_firmware::configuration::{Arm, JointConfiguration, Kinematics};
 use std::f64::consts::TAU;
@@ -50,12 +52,14 @@ fn written(settings: &Settings, with_layers: bool) -> String {
     let with_layers = with_layers || settings.layers != 1;
     // Writing to a String cannot fail; the results say so by type only.
     let _ = write_machine(&mut text, settings);
-    let _ = write_process(&mut text, settings, with_layers);
-    let _ = write_infill(&mut text, settings, with_layers);
-    let _ = write_skirt(&mut text, settings);
+    PrintKeys::write(&mut text, settings, with_layers);
+    FlowKeys::write(&mut text, settings, with_layers);
+    TolerancesKeys::write(&mut text, settings, with_layers);
+    write_infill(&mut text, settings.infill.as_ref(), with_layers);
+    SkirtKeys::write(&mut text, settings, with_layers);
     let _ = write_kinds(&mut text, &settings.kinds);
     if let Some(material) = &settings.material {
-        let _ = write_material(&mut text, material);
+        MaterialKeys::write(&mut text, material, with_layers);
     }
     if let Some(heaters) = &settings.heaters {
         let _ = write_heaters(&mut text, heaters);
@@ -67,7 +71,7 @@ fn written(settings: &Settings, with_layers: bool) -> String {
         let _ = write_switches(&mut text, switches, &settings.machine);
     }
     if let Some(probe) = &settings.probe {
-        let _ = write_probe(&mut text, probe);
+        ProbeKeys::write(&mut text, probe, with_layers);
     }
     text
 }
@@ -116,25 +120,7 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
     }
     write_motors(text, machine)?;
     write_shapers(text, machine)?;
-    let e = &machine.extruder;
-    writeln!(
-        text,
-        "\n# Steps count deposited volume. e = V + K dV/dt.\n[extruder]"
-    )?;
-    writeln!(text, "steps_per_mm3 = {}", number(e.steps_per_mm3))?;
-    writeln!(text, "speed_max_mm3_s = {}", number(e.speed_max_mm3_s))?;
-    writeln!(
-        text,
-        "acceleration_max_mm3_s2 = {}",
-        number(e.acceleration_max_mm3_s2)
-    )?;
-    writeln!(
-        text,
-        "pressure_advance_s = {}",
-        number(e.pressure_advance_s)
-    )?;
-    let window = number(e.pressure_advance_window_ms);
-    writeln!(text, "pressure_advance_window_ms = {window}")?;
+    ExtruderKeys::write(text, &machine.extruder, true);
     s.head
         .as_ref()
         .map_or(Ok(()), |head| write_head(text, head))
@@ -281,207 +267,19 @@ fn write_joint(
     writeln!(text, "jerk_max_deg_s3 = {}", degrees(joint.jerk_max))
 }
 
-/// What the planner chooses by.
-fn write_choices(text: &mut String, s: &Settings) -> std::fmt::Result {
-    writeln!(text, "pass = \"{}\"", s.pass_mode.name())?;
-    writeln!(text, "law = \"{}\"", s.heading_law.name())?;
-    let quality = s.quality.name();
-    writeln!(
-        text,
-        "# What ground left open or laid twice is worth in seconds of printing: fine, standard or fast."
-    )?;
-    writeln!(text, "quality = \"{quality}\"")
-}
-
-fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt::Result {
-    writeln!(
-        text,
-        "\n# The command line overrides these (--aperture, --speed, ...).\n[print]"
-    )?;
-    writeln!(
-        text,
-        "# ellipse:AxB (semi-axes, the long one along tool X), circle:R, stadium:LxW, rect:LxWxR (full\n\
-         # sizes, corner radius) or polygon:FILE (corners about the tool's axis, beside this file)"
-    )?;
-    writeln!(text, "aperture = \"{}\"", aperture_text(&s.aperture))?;
+/// Of a part without walls the group is a comment to start from.
+fn write_infill(text: &mut String, infill: Option<&Infill>, with_layers: bool) {
+    if let Some(infill) = infill {
+        return InfillKeys::write(text, infill, with_layers);
+    }
+    text.push_str(
+        "\n# Walls with straight lines inside, in place of beads along the outline all the way in.\n\
+         # [infill]\n# walls = 2\n# density_pct = 20\n# angle_deg = 45\n",
+    );
     if with_layers {
-        writeln!(text, "# All of the same outline.\nlayers = {}", s.layers)?;
+        text.push_str(&format!(
+            "# Solid layers, where there are several.\n# bottom_layers = {BOTTOM_LAYERS}\n\
+             # top_layers = {TOP_LAYERS}\n"
+        ));
     }
-    writeln!(text, "layer_height_mm = {}", number(s.layer_height_mm))?;
-    writeln!(text, "speed_mm_s = {}", number(s.speed_mm_s))?;
-    writeln!(text, "travel_speed_mm_s = {}", number(s.travel_speed_mm_s))?;
-    writeln!(
-        text,
-        "tip_acceleration_mm_s2 = {}",
-        number(s.tip_acceleration_mm_s2)
-    )?;
-    writeln!(text, "# Travel moves are lifted by this much.")?;
-    writeln!(text, "lift_mm = {}", number(s.lift_mm))?;
-    // Jobs carry this text: what is not asked for is left out.
-    if s.layer_time_min_s > 0.0 {
-        writeln!(text, "layer_time_min_s = {}", number(s.layer_time_min_s))?;
-        let slow_mm_s = number(s.slow_speed_min_mm_s);
-        writeln!(text, "slow_speed_min_mm_s = {slow_mm_s}")?;
-    }
-    write_print(text, &s.wide_beads)?;
-    writeln!(text, "overlap_pct = {}", number(s.overlap_pct))?;
-    write_travel(text, s)?;
-    write_choices(text, s)?;
-    writeln!(text, "\n[flow]\nfactor = {}", number(s.flow_factor))?;
-    writeln!(text, "flow_max_mm3_s = {}", number(s.flow_max_mm3_s))?;
-    let change = number(s.flow_rate_of_change_max_mm3_s2);
-    writeln!(text, "rate_of_change_max_mm3_s2 = {change}")?;
-    let p = &s.prime_retract;
-    writeln!(
-        text,
-        "# Rates are peaks. A retract begins its lead before the pass ends,"
-    )?;
-    writeln!(
-        text,
-        "# a pass starts to move its lead before the prime is done."
-    )?;
-    writeln!(text, "retract_mm3 = {}", number(p.retract_mm3))?;
-    writeln!(
-        text,
-        "retract_rate_mm3_s = {}",
-        number(p.retract_rate_mm3_s)
-    )?;
-    writeln!(text, "retract_lead_s = {}", number(p.retract_lead_s))?;
-    writeln!(text, "prime_mm3 = {}", number(p.prime_mm3))?;
-    writeln!(text, "prime_rate_mm3_s = {}", number(p.prime_rate_mm3_s))?;
-    writeln!(text, "prime_lead_s = {}", number(p.prime_lead_s))?;
-    write_flow(text, &s.wide_beads)?;
-    write_tolerances(text, &s.tolerances)
-}
-
-fn write_tolerances(text: &mut String, t: &Tolerances) -> std::fmt::Result {
-    writeln!(
-        text,
-        "\n[tolerances]\n# How far a placed aperture may leave the outline."
-    )?;
-    writeln!(text, "outside_mm = {}", number(t.outside_mm))?;
-    writeln!(text, "# Finished segments against the path.")?;
-    writeln!(text, "tip_mm = {}", number(t.tip_mm))?;
-    let mrad = |rad: f64| nice(rad * 1e3, rad, |v| v / 1e3);
-    writeln!(text, "axis_mrad = {}", mrad(t.axis_rad))?;
-    writeln!(text, "heading_mrad = {}", mrad(t.heading_rad))?;
-    writeln!(text, "# Curves of the input become polygons this close.")?;
-    writeln!(text, "flatten_mm = {}", number(t.flatten_mm))?;
-    // Jobs carry this text: what is not asked for is left out.
-    if t.corner_mm > 0.0 {
-        writeln!(
-            text,
-            "# Corners of runs of waypoints are rounded within this; small roundings can take longer than rests."
-        )?;
-        writeln!(text, "corner_mm = {}", number(t.corner_mm))?;
-    }
-    Ok(())
-}
-
-/// What of the process concerns the way between passes.
-fn write_travel(text: &mut String, s: &Settings) -> std::fmt::Result {
-    writeln!(
-        text,
-        "# Of what must keep out of keep-outs, about the tool's axis; 0: the aperture alone."
-    )?;
-    let body = number(s.nozzle_body_radius_mm);
-    writeln!(text, "nozzle_body_radius_mm = {body}")?;
-    writeln!(text, "# Travel stays inside the part where there is a way.")?;
-    writeln!(text, "avoid_crossing = {}", s.avoid_crossing)?;
-    let seam = s.seam.place.name();
-    writeln!(
-        text,
-        "# Where loops begin and end: nearest, aligned or sharpest."
-    )?;
-    writeln!(text, "seam = \"{seam}\"")?;
-    let direction = degrees(s.seam.direction_rad);
-    writeln!(text, "seam_direction_deg = {direction}")
-}
-
-fn write_infill(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt::Result {
-    writeln!(
-        text,
-        "\n# Walls with straight lines inside, in place of beads along the outline all the way in."
-    )?;
-    let Some(infill) = &s.infill else {
-        writeln!(
-            text,
-            "# [infill]\n# walls = 2\n# density_pct = 20\n# angle_deg = 45"
-        )?;
-        if with_layers {
-            writeln!(
-                text,
-                "# Solid layers, where there are several.\n# bottom_layers = {BOTTOM_LAYERS}\n\
-                 # top_layers = {TOP_LAYERS}"
-            )?;
-        }
-        return Ok(());
-    };
-    writeln!(text, "[infill]\nwalls = {}", infill.walls)?;
-    writeln!(text, "density_pct = {}", number(infill.density_pct))?;
-    writeln!(text, "angle_deg = {}", degrees(infill.angle_rad))?;
-    for (key, solid) in [
-        ("bottom_layers", infill.bottom_layers),
-        ("top_layers", infill.top_layers),
-    ] {
-        if let Some(solid) = solid {
-            writeln!(text, "{key} = {solid}")?;
-        }
-    }
-    Ok(())
-}
-
-fn write_skirt(text: &mut String, s: &Settings) -> std::fmt::Result {
-    let skirt = &s.skirt;
-    writeln!(
-        text,
-        "\n# Loops around the part, printed before it: at a distance, and touching it (brim).\n[skirt]"
-    )?;
-    writeln!(text, "loops = {}", skirt.loops)?;
-    writeln!(text, "brim_loops = {}", skirt.brim_loops)?;
-    writeln!(text, "distance_mm = {}", number(skirt.distance_mm))
-}
-
-/// Shortest decimal that reads back as the same number.
-pub(super) fn number(value: f64) -> String {
-    format!("{value}")
-}
-
-pub(super) fn degrees(rad: f64) -> String {
-    nice(rad.to_degrees(), rad, f64::to_radians)
-}
-
-/// The shortest decimal near `value` that `back` turns into exactly `wanted`: 1080 rather than
-/// 1080.0000000000002. Neighbouring floats are tried where rounding never hits.
-pub(super) fn nice(value: f64, wanted: f64, back: impl Fn(f64) -> f64) -> String {
-    for digits in 0..=15usize {
-        let text = format!("{value:.digits$}");
-        if text.parse().is_ok_and(|v: f64| back(v) == wanted) {
-            return text;
-        }
-    }
-    let (mut low, mut high) = (value, value);
-    for _ in 0..8 {
-        for near in [low, high] {
-            if back(near) == wanted {
-                return number(near);
-            }
-        }
-        (low, high) = (low.next_down(), high.next_up());
-    }
-    number(value)
-}
-
-pub(super) fn triple(values: [f64; 3]) -> String {
-    format!(
-        "[{}, {}, {}]",
-        number(values[0]),
-        number(values[1]),
-        number(values[2])
-    )
-}
-
-/// A TOML basic string.
-pub(super) fn quoted(text: &str) -> String {
-    toml::Value::String(text.to_string()).to_string()
 }

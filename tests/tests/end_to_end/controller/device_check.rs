@@ -129,6 +129,7 @@ fn the_boards_checks_cost_little_beside_planning() {
         infill: Some(Infill {
             walls: 1,
             density_pct: 0.0,
+            spacing_mm: None,
             angle_rad: 0.0,
             bottom_layers: Some(0),
             top_layers: Some(0),

@@ -88,13 +88,13 @@ fn an_upright_mesh_is_its_outline() {
     };
     let prism = plan_target(&target, &settings).expect("a prism");
     let part = planned(&part, FirstLayer::default(), &settings);
-    let (one, other) = (&prism.figures, &part.figures);
+    let (one, other) = (&prism.figures, &part.printed.figures);
     assert_eq!((one.passes, one.layers), (other.passes, other.layers));
     assert!((one.print_mm - other.print_mm).abs() < 1e-3 * one.print_mm);
     assert!((one.volume_mm3 - other.volume_mm3).abs() < 1e-3 * one.volume_mm3);
     assert!((one.covered_pct - other.covered_pct).abs() < 0.1);
     assert!((one.print_s - other.print_s).abs() < 0.02 * one.print_s);
-    check_run(&part.stream, &settings);
+    check_run(&part.printed.stream, &settings);
 }
 
 /// Goal: every layer of a cone is printed at its height, in order, and gets its volume; threads
@@ -115,10 +115,13 @@ fn a_cone_is_printed_layer_by_layer() {
             .install(|| planned(&part, first, &settings))
     };
     let plan = of_threads(1);
-    assert_eq!(plan.stream, of_threads(3).stream);
-    let layers: Vec<u32> = layers_of(&plan.stream).iter().map(|l| l.0).collect();
+    assert_eq!(plan.printed.stream, of_threads(3).printed.stream);
+    let layers: Vec<u32> = layers_of(&plan.printed.stream)
+        .iter()
+        .map(|l| l.0)
+        .collect();
     assert_eq!(layers, (0..14).collect::<Vec<u32>>());
-    let f = &plan.figures;
+    let f = &plan.printed.figures;
     assert!(f.covered_pct > 97.0, "{}", f.covered_pct);
     assert!(f.outside_depth_mm < 1e-3, "{}", f.outside_depth_mm);
     // What is covered times each layer's height, within what is laid twice.
@@ -128,15 +131,15 @@ fn a_cone_is_printed_layer_by_layer() {
         "{} {expected}",
         f.volume_mm3
     );
-    assert!(plan.left_out.is_empty());
-    check_run(&plan.stream, &settings);
+    assert!(plan.printed.left_out.is_empty());
+    check_run(&plan.printed.stream, &settings);
     // The first layer alone, slow and as fast as the others.
     let time_s = |first: FirstLayer| {
         let one = SlicedPart {
             wanted: 0..1,
             ..part.clone()
         };
-        planned(&one, first, &settings).figures.print_s
+        planned(&one, first, &settings).printed.figures.print_s
     };
     assert!(time_s(first) > 1.5 * time_s(FirstLayer::default()));
 }
@@ -188,18 +191,28 @@ fn ranges_have_layers_of_their_own_height() {
     }
 
     let plan = planned(&part, FirstLayer::default(), &settings);
-    assert!(plan.left_out.is_empty());
+    assert!(plan.printed.left_out.is_empty());
     for (number, height_mm) in (0u32..).zip(&heights_mm) {
-        let uses = plan.uses.iter().filter(|used| used.layer == number);
+        let uses = plan.printed.uses.iter().filter(|used| used.layer == number);
         let volume_mm3: f64 = uses.map(|used| used.volume_mm3).sum();
-        let swept = plan.swept.iter().filter(|(layer, _)| *layer == number);
+        let swept = plan
+            .printed
+            .swept
+            .iter()
+            .filter(|(layer, _)| *layer == number);
         let covered_mm2: f64 = swept.map(|(_, swept)| swept.covered_mm2).sum();
         // What is laid outside of the raster's cells, as on every layer.
         let ratio = volume_mm3 / (covered_mm2 * height_mm);
         assert!((ratio - 1.0).abs() < 0.01, "layer {number}: {ratio}");
     }
 
-    let run = dry_run(&plan.stream, &settings, &SimulatorSetup::default(), |_| {}).expect("a run");
+    let run = dry_run(
+        &plan.printed.stream,
+        &settings,
+        &SimulatorSetup::default(),
+        |_| {},
+    )
+    .expect("a run");
     assert_eq!(run.simulation.figures.faults, 0);
     let record = &run.simulation.motion;
     let steps_per_mm = settings.machine.joints[2].steps_per_unit;
@@ -231,10 +244,10 @@ fn a_tip_is_left_out_and_told() {
     let mesh = revolved(&[[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]], 24);
     let part = cut(&mesh, 0.2, 0.2);
     let plan = planned(&part, FirstLayer::default(), &settings);
-    let left_out: Vec<u32> = plan.left_out.iter().map(|l| l.layer).collect();
+    let left_out: Vec<u32> = plan.printed.left_out.iter().map(|l| l.layer).collect();
     assert!(!left_out.is_empty() && left_out.len() < 5, "{left_out:?}");
     assert_eq!(left_out.last(), Some(&14));
-    let printed = layers_of(&plan.stream).len();
+    let printed = layers_of(&plan.printed.stream).len();
     assert_eq!(printed + left_out.len(), 15);
     let needle = revolved(&[[0.0, 0.0], [0.1, 0.0], [0.1, 3.0], [0.0, 3.0]], 24);
     let part = cut(&needle, 0.2, 0.2);
@@ -269,7 +282,7 @@ fn steps_are_closed_and_the_inside_is_sparse() {
     };
     let mut covered = vec![0.0; part.layers.len()];
     let plan = planned(&part, FirstLayer::default(), &settings);
-    for (layer, swept) in &plan.swept {
+    for (layer, swept) in &plan.printed.swept {
         covered[*layer as usize] += swept.covered_mm2;
     }
     let area_mm2 = |layer: usize| {
@@ -294,5 +307,5 @@ fn steps_are_closed_and_the_inside_is_sparse() {
     for layer in [10, 11] {
         assert!(pct[layer] > 82.0 && pct[layer] < 95.0, "{layer}: {pct:?}");
     }
-    check_run(&plan.stream, &settings);
+    check_run(&plan.printed.stream, &settings);
 }

@@ -84,19 +84,19 @@ fn planned(part: &SlicedPart, density_pct: f64, bridge: KindSettings) -> PartPla
 fn over_gap(plan: &PartPlan, layer: u32) -> Vec<StreamSample> {
     let servo_hz = f64::from(Settings::default().machine.servo_hz);
     let [low, high] = GAP_MM;
-    let ticks = plan.stream.ticks_of_layer(layer);
+    let ticks = plan.printed.stream.ticks_of_layer(layer);
     let is_in = |sample: &StreamSample| {
         let [x, y, _] = [0, 1, 2].map(|i| sample.position[i] - plan.transform.offset_mm[i]);
         let at = turned(x, y, -TURN_DEG);
         (low[0]..high[0]).contains(&at.x) && (low[1]..high[1]).contains(&at.y)
     };
-    let samples = samples_within(&plan.stream, servo_hz, 4.0, ticks);
+    let samples = samples_within(&plan.printed.stream, servo_hz, 4.0, ticks);
     let prints = samples.filter(|sample| sample.mark.state == MotionState::Print);
     prints.filter(is_in).collect()
 }
 
 fn of_kind(plan: &PartPlan, what: Use) -> (f64, Vec<u32>) {
-    let uses = plan.uses.iter().filter(|used| used.what == what);
+    let uses = plan.printed.uses.iter().filter(|used| used.what == what);
     let volume_mm3 = uses.clone().map(|used| used.volume_mm3).sum();
     (volume_mm3, uses.map(|used| used.layer).collect())
 }
@@ -226,8 +226,8 @@ impl Span {
         let (columns, rows) = (count(self.length_mm), count(self.width_mm));
         let mut is_covered = vec![false; columns * rows];
         let servo_hz = f64::from(settings.machine.servo_hz);
-        let ticks = plan.stream.ticks_of_layer(1);
-        let samples = samples_within(&plan.stream, servo_hz, 1.0, ticks);
+        let ticks = plan.printed.stream.ticks_of_layer(1);
+        let samples = samples_within(&plan.printed.stream, servo_hz, 1.0, ticks);
         let in_air = |at: Point2| {
             let inside = |v: f64, to: f64| v > 2.0 * b && v < to - 2.0 * b;
             inside(at.x, self.length_mm) && inside(at.y, self.width_mm)
@@ -275,7 +275,7 @@ fn spans_are_closed(spans: &[Span]) {
         let plan = planned(&span.part(), 20.0, KindSettings::default());
         let (open_share, ends) = span.open_share(&plan);
         let span_mm2 = span.length_mm * span.width_mm;
-        let told_mm2: f64 = plan.open.iter().map(|piece| piece.area_mm2).sum();
+        let told_mm2: f64 = plan.printed.open.iter().map(|piece| piece.area_mm2).sum();
         println!(
             "{span:?}: {:.3} % open, {:.2} mm² told, {ends} ends in mid-air",
             100.0 * open_share,

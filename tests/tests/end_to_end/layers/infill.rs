@@ -135,6 +135,66 @@ fn across_of(along_rad: f64) -> headway::geometry::Vector2 {
     headway::geometry::Vector2::new(-along_rad.sin(), along_rad.cos())
 }
 
+/// A plate with four round holes, a slot and a notch: lines of a sparse infill are joined into few passes, at every spacing,
+/// and still cover their share.
+#[test]
+fn sparse_lines_around_holes_are_joined() {
+    let outline = [
+        [0.0, 0.0],
+        [70.0, 0.0],
+        [70.0, 30.0],
+        [45.0, 30.0],
+        [45.0, 50.0],
+        [70.0, 50.0],
+        [70.0, 80.0],
+        [0.0, 80.0],
+    ];
+    let round = |x_mm: f64, y_mm: f64, radius_mm: f64| {
+        let points = (0..40).map(|i| {
+            let turn_rad = -f64::from(i) / 40.0 * std::f64::consts::TAU;
+            Point2::new(
+                x_mm + radius_mm * turn_rad.cos(),
+                y_mm + radius_mm * turn_rad.sin(),
+            )
+        });
+        Ring {
+            points: points.collect(),
+        }
+    };
+    let slot = [[20.0, 30.0], [20.0, 55.0], [26.0, 55.0], [26.0, 30.0]];
+    let mut part = target(&outline);
+    part.regions[0].holes = vec![
+        round(10.0, 10.0, 4.0),
+        round(60.0, 15.0, 5.0),
+        round(10.0, 70.0, 4.0),
+        Ring {
+            points: slot.into_iter().map(Point2::from).collect(),
+        },
+    ];
+    for density_pct in [10.0, 15.0, 25.0] {
+        let settings = Settings {
+            infill: Some(Infill {
+                density_pct,
+                ..Infill::solid(2)
+            }),
+            ..Settings::default()
+        };
+        let plan = plan_target(&part, &settings).expect("a plan");
+        let passes = plan.regions().iter().flat_map(|region| &region.passes);
+        let lines: Vec<f64> = passes
+            .filter(|pass| pass.kind.is_line())
+            .map(|pass| pass.length_mm())
+            .collect();
+        println!("{density_pct} %: {lines:.0?}");
+        // Two interruptions, and the one before the first line.
+        assert!(lines.len() <= 3, "{density_pct} %: {lines:?}");
+        // Ground of 4,400 mm² at a line every 1.2 mm / density, less their ends.
+        let expected_mm = 4400.0 * density_pct / 100.0 / 1.2;
+        let laid_mm: f64 = lines.iter().sum();
+        assert!(laid_mm > 0.85 * expected_mm, "{laid_mm} of {expected_mm}");
+    }
+}
+
 /// An L whose arms are 7.4 mm wide: two walls leave strips of 2.5 mm, too narrow for lines at 45°.
 #[test]
 fn narrow_ground_is_filled_in_loops() {

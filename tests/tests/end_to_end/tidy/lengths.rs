@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 const PAGE: &str = "docs/design/absolute-lengths.md";
-/// Constants of the last table.
-const LEFT_MAX: usize = 39;
+/// Constants of the last table: two of them stood as literals in expressions before they had names.
+const LEFT_MAX: usize = 41;
 
 /// Name, file and value of a row.
 fn row(line: &str) -> Option<[String; 3]> {

@@ -5,6 +5,7 @@
 //! It reads text, not syntax: it leans on rustfmt's layout (checked on its own) and on `use` lines
 //! and paths that begin with `crate::` or a package's name.
 
+mod constants;
 mod doc_paths;
 mod lengths;
 mod planner;

@@ -1,8 +1,7 @@
-//! Rules of the planner alone: the order of its stages, the size of its folders, what the heads of
-//! its files say, and the list of what was fitted.
+//! Rules of the planner alone: the order of its stages, the size of its folders, and what the heads of
+//! its files say.
 
 use super::{Breaches, ROOT, Source, assert_none, code, sources};
-use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The planner's stages in the order of the data: a stage imports only from those before it.
@@ -23,9 +22,9 @@ const STAGES: [&str; 15] = [
     "motion",
     "judge",
 ];
-const PLAN: &str = "host/src/plan/";
-/// Where what optimises the passes is, and how the list of what was fitted names it.
-const OPTIMISER: [&str; 2] = ["host/optimiser/src/", "optimiser/src/"];
+pub const PLAN: &str = "host/src/plan/";
+/// Where what optimises the passes is.
+pub const OPTIMISER: &str = "host/optimiser/src/";
 /// Most files of the planner beside its modules, and of each of its folders.
 const PLAN_FILES_MAX: usize = 4;
 const FOLDER_FILES_MAX: usize = 12;
@@ -101,7 +100,7 @@ fn heads_say_what_goes_in_and_comes_out() {
     for source in sources() {
         let is_test = source.name.ends_with("tests.rs") || source.name.contains("/test_");
         if is_test
-            || ![PLAN, OPTIMISER[0]]
+            || ![PLAN, OPTIMISER]
                 .iter()
                 .any(|room| source.name.starts_with(room))
         {
@@ -121,75 +120,4 @@ fn heads_say_what_goes_in_and_comes_out() {
         }
     }
     assert_none(&breaches);
-}
-
-/// Goal: the list of fitted constants is true and whole. Method: every row's constant is in its file
-/// with that value; a constant whose comment speaks of trials has a row.
-#[test]
-fn fitted_constants_are_listed() {
-    let page = Path::new(ROOT).join("docs/design/fitted-constants.md");
-    let page = std::fs::read_to_string(page).expect("the list");
-    let rows: Vec<[&str; 3]> = page
-        .lines()
-        .filter(|line| line.starts_with("| `"))
-        .map(|line| {
-            let mut cells = line
-                .split('|')
-                .skip(1)
-                .map(|cell| cell.trim().trim_matches('`'));
-            [(); 3].map(|()| cells.next().expect("three cells"))
-        })
-        .collect();
-    assert!(rows.len() > 30, "{} rows", rows.len());
-    let mut breaches = Breaches(Vec::new());
-    for [file, name, value] in &rows {
-        let path = match file.strip_prefix(OPTIMISER[1]) {
-            Some(below) => format!("{}{below}", OPTIMISER[0]),
-            None => format!("{PLAN}{file}"),
-        };
-        let text = std::fs::read_to_string(Path::new(ROOT).join(path));
-        let held = text.is_ok_and(|text| {
-            text.lines().any(|line| {
-                line.contains(&format!("const {name}: ")) && line.ends_with(&format!(" = {value};"))
-            })
-        });
-        if !held {
-            breaches
-                .0
-                .push(format!("{file}: no constant {name} of {value}"));
-        }
-    }
-    let listed: BTreeSet<(&str, &str)> = rows.iter().map(|row| (row[0], row[1])).collect();
-    for source in sources() {
-        let optimiser = source.name.strip_prefix(OPTIMISER[0]);
-        let optimiser = optimiser.map(|below| format!("{}{below}", OPTIMISER[1]));
-        let Some(file) = optimiser.or_else(|| source.name.strip_prefix(PLAN).map(str::to_string))
-        else {
-            continue;
-        };
-        for (number, name) in constants_from_trials(&source.lines) {
-            if !listed.contains(&(file.as_str(), name)) {
-                breaches.add(&source, number, &format!("{name} is fitted and not listed"));
-            }
-        }
-    }
-    assert_none(&breaches);
-}
-
-/// Line and name of the constants whose comment says that they come from trials.
-fn constants_from_trials(lines: &[String]) -> Vec<(usize, &str)> {
-    let mut found = Vec::new();
-    let mut says_so = false;
-    for (number, line) in lines.iter().enumerate() {
-        let line = line.trim();
-        if line.starts_with("//") {
-            says_so |= line.contains(" trials");
-            continue;
-        }
-        if let Some((_, named)) = line.split_once("const ").filter(|_| says_so) {
-            found.extend(named.split_once(':').map(|(name, _)| (number, name)));
-        }
-        says_so = false;
-    }
-    found
 }

@@ -15,6 +15,7 @@
 use super::{AxisEdge, AxisPoint, AxisVertex, MedialAxis};
 use crate::geometry::Point2;
 use crate::geometry::union_find::root;
+use crate::plan::axis::pruned_axis::{BRANCH_RATIO, OBJECT_ANGLE_MIN_RAD};
 
 /// Share of a disk's radius within which the pruned axis must pass for the disk to count as seen.
 const SEEN_RATIO: f64 = 0.9;
@@ -39,8 +40,8 @@ impl Default for PruneOptions {
     /// 115° and 0.6, which tiled best in trials on real slices; nothing dropped for its radius.
     fn default() -> Self {
         PruneOptions {
-            object_angle_min_rad: 115f64.to_radians(),
-            leaf_length_ratio: 0.6,
+            object_angle_min_rad: OBJECT_ANGLE_MIN_RAD,
+            leaf_length_ratio: BRANCH_RATIO,
             radius_min_mm: 0.0,
         }
     }

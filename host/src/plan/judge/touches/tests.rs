@@ -2,7 +2,7 @@
 //! distances are computed by hand.
 use super::*;
 use crate::job::MotionState;
-use crate::plan::route::moves::{PathCurve, RouteMove};
+use crate::plan::route::moves::RouteMove;
 use crate::settings::head_shape::{ConeAndCylinder, HeadOutline, HeadShape};
 use headway_protocol::units::CHANNELS;
 
@@ -23,19 +23,8 @@ fn pose(tip: [f64; 3], tilt_y: f64) -> [f64; CHANNELS] {
 }
 
 fn route(legs: &[(MotionState, [[f64; CHANNELS]; 2])]) -> Route {
-    let route_move = |(state, ends): &(MotionState, [[f64; CHANNELS]; 2])| RouteMove {
-        state: *state,
-        layer: 0,
-        pass: None,
-        curve: PathCurve {
-            control: ends.to_vec(),
-        },
-        dwell_s: 0.0,
-        speed_mm_s: None,
-        speeds_mm_s: Vec::new(),
-        acceleration_mm_s2: None,
-        parts: Vec::new(),
-        event: None,
+    let route_move = |(state, ends): &(MotionState, [[f64; CHANNELS]; 2])| {
+        RouteMove::new(*state, 0, ends.to_vec())
     };
     Route {
         moves: legs.iter().map(route_move).collect(),

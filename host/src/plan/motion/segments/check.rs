@@ -366,7 +366,7 @@ fn flow_at_ticks(spline: &RestSpline, servo_hz: f64) -> Vec<(f64, f64)> {
 }
 
 /// Ticks that one thread checks.
-const TICKS_AT_ONCE: usize = 4096;
+pub(super) const TICKS_AT_ONCE: usize = 4096;
 
 /// Checks the extruder's own rate and acceleration, pressure advance and events included, tick by
 /// tick until the advance has left its window: with the advance centred on the motion, e' at t is

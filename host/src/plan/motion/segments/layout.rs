@@ -31,6 +31,8 @@ const SPREAD_ROUNDS: usize = 7;
 const HALVING_ROUNDS: usize = 8;
 /// Error that the spreading aims at, against the tolerance.
 const ERROR_AIM: f64 = 0.65;
+/// Least and largest factor by which spans may become denser in one round of spreading.
+const DENSER: [f64; 2] = [0.4, 2.0];
 /// Error that a span of an earlier layout may grow to, below the permitted one ([`ERROR_MAX`]):
 /// cutting it would expose to the limits what the path does within a few milliseconds.
 const ERROR_KEPT: f64 = 1.75;
@@ -70,7 +72,7 @@ impl Density {
             .iter()
             .zip(errors)
             .map(|(&ticks, error)| {
-                let factor = (error / ERROR_AIM).powf(0.25).clamp(0.4, 2.0);
+                let factor = (error / ERROR_AIM).powf(0.25).clamp(DENSER[0], DENSER[1]);
                 factor / f64::from(ticks)
             })
             .collect();

@@ -89,22 +89,13 @@ pub fn moved(spline: &RestSpline, first: &RouteMove, own: &RouteMove, units: &Un
 mod tests {
     use super::*;
     use crate::plan::motion::segments::{MotionReport, lay_segments};
-    use crate::plan::route::moves::PathCurve;
     use crate::settings::Settings;
     use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_Z, to_units};
 
     fn route_move(state: MotionState, layer: u32, control: Vec<[f64; CHANNELS]>) -> RouteMove {
         RouteMove {
-            state,
-            layer,
             pass: (state == MotionState::Print).then_some(layer),
-            curve: PathCurve { control },
-            dwell_s: 0.0,
-            speed_mm_s: None,
-            speeds_mm_s: Vec::new(),
-            acceleration_mm_s2: None,
-            parts: Vec::new(),
-            event: None,
+            ..RouteMove::new(state, layer, control)
         }
     }
 

@@ -24,10 +24,10 @@ use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 
 /// Share of the speed limits that the time law aims at: what quantisation and fit add.
-const SPEED_AIM: f64 = 0.9985;
+const TIME_LAW_SPEED_AIM: f64 = 0.9985;
 /// Share of the acceleration limits that the time law aims at: the fit overshoots at corners of
 /// the acceleration.
-const ACCELERATION_AIM: f64 = 0.97;
+const TIME_LAW_ACCELERATION_AIM: f64 = 0.97;
 /// Rounds of retiming: the third brings 1 %, more trade one place for another.
 const RETIMING_ROUNDS: usize = 3;
 /// Rounds of local stretching of the time.
@@ -261,8 +261,8 @@ impl Shaping<'_> {
 
     fn first_timing(&self, samples: Vec<PathSample>) -> Result<FirstTiming, MotionError> {
         let aims = Shares {
-            speed: SPEED_AIM,
-            acceleration: ACCELERATION_AIM,
+            speed: TIME_LAW_SPEED_AIM,
+            acceleration: TIME_LAW_ACCELERATION_AIM,
         };
         let least_s = self.route_move.dwell_s;
         let mut law = time_law(&samples, self.limits, aims, least_s, self.begin_mm())?;

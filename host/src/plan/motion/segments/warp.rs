@@ -7,7 +7,7 @@
 //! takes a whole number of ticks more, so the motion after it is shifted by whole ticks and fits
 //! exactly as before: a change in one place adds no noise in another.
 
-use super::check::Piece;
+use super::check::{Piece, TICKS_AT_ONCE};
 use rayon::prelude::*;
 
 /// Flank of the first round: twice the time in which the heading builds up its acceleration.
@@ -17,8 +17,6 @@ const FLANK_GROWTH: f64 = 1.25;
 /// Slowing beyond the required ratio, per round: knots are moved to whole ticks, which changes the
 /// fit by about that much.
 const MARGIN_PER_ROUND: f64 = 0.002;
-/// Ticks that one thread goes through.
-const TICKS_AT_ONCE: usize = 4096;
 
 /// Slowness f of every tick interval in `round` (from 0) for the intervals beyond a limit.
 pub fn slowness(ticks: usize, pieces: &[Piece], round: usize) -> Vec<f64> {

@@ -44,6 +44,9 @@ impl TimeLaw {
     }
 }
 
+/// Shortest and longest smoothing window, s.
+const WINDOW_S: [f64; 2] = [0.004, 0.030];
+
 /// Smoothing window in ticks: the time in which the weakest moving joint may build up its
 /// acceleration. Between 4 ms (less than a cubic span resolves) and 30 ms (a longer one costs more
 /// time than the avoided vibration is worth).
@@ -57,7 +60,7 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
         .chain(limits.pair.iter().map(|pair| &pair.motor))
         .map(|limit| limit.acceleration_max / limit.jerk_max * 1.5)
         .fold(0.0, f64::max)
-        .clamp(0.004, 0.030);
+        .clamp(WINDOW_S[0], WINDOW_S[1]);
     // Even, so that the window is centred on a tick.
     2 * (seconds * limits.servo_hz / 2.0).ceil() as usize
 }

@@ -10,6 +10,7 @@ use super::nodes::Node;
 use super::sides::Range;
 use crate::geometry::aperture::wrapped_rad;
 use crate::geometry::banded::Band;
+use crate::plan::route::bead_curve::CORNER;
 use crate::settings::Settings;
 use std::f64::consts::TAU;
 
@@ -23,8 +24,7 @@ const GAP_SHARE: f64 = 1e-6;
 /// shrink.
 const STEP_SHARE: f64 = 0.98;
 const CENTRING: f64 = 0.15;
-/// Distance of the path from a corner, of the aperture's unit, and the tip's least speed there, of that for printing.
-const CORNER: f64 = 0.036;
+/// Least speed of the tip near a corner, relative to that for printing.
 const SPEED_MIN_SHARE: f64 = 1.0 / 15.0;
 /// Least time of a travel.
 const TRAVEL_MIN_S: f64 = 0.02;

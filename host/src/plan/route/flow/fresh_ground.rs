@@ -11,14 +11,11 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::place_scale::ScaleField;
-use crate::plan::coverage::raster::{Advance, newly_covered};
+use crate::plan::coverage::raster::{Advance, SKEW_RAD, newly_covered};
 
 /// Most cells of the raster. Those of 0.1 b tell the share of a front of 2b to 5 %, of any mm of a bead
 /// to 0.3 %; a larger layer gets larger ones, which its longer passes average out.
 const CELLS_MAX: usize = 50_000_000;
-/// Turn of the raster against the layer, rad: aslant to walls along the axes or at 45°, where whole
-/// rows of cells would fall to either side of a bead's edge at once.
-const SKEW_RAD: f64 = 0.4;
 /// Step between poses against the minor semi-axis: the sharpest end of an ellipse of 3 : 1 leaves
 /// scallops of 1.5 % of b, which the adjacent bead is assumed to fill.
 const STEP_SHARE: f64 = 0.2;

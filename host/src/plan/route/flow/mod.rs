@@ -303,11 +303,14 @@ fn add_start_footprint(
     }
 }
 
+/// Peak of a quintic smooth step's rate, against its mean.
+pub const QUINTIC_PEAK: f64 = 15.0 / 8.0;
+
 /// Shortest duration of a prime or retract of `volume_mm3`: its peak rate (1.875 times the mean)
 /// is `rate_mm3_s` at most, its peak acceleration (10 / sqrt 3 volume / duration²)
 /// `acceleration_mm3_s2`.
 pub fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64, acceleration_mm3_s2: f64) -> f64 {
-    let by_rate = 1.875 * volume_mm3 / rate_mm3_s;
+    let by_rate = QUINTIC_PEAK * volume_mm3 / rate_mm3_s;
     let by_acceleration = (10.0 / 3f64.sqrt() * volume_mm3 / acceleration_mm3_s2).sqrt();
     by_rate.max(by_acceleration)
 }

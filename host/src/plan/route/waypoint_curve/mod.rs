@@ -23,6 +23,7 @@ use crate::geometry::aperture::Aperture;
 use crate::input::near_waypoints::usual_gap_mm;
 use crate::input::waypoints::{PassAsked, SAME_PLACE_MM, Waypoint, WaypointRun};
 use crate::plan::route::build_route::nearest_heading;
+use crate::plan::route::clear_travel::UPRIGHT_RAD;
 use crate::plan::route::moves::PathCurve;
 use crate::settings::Settings;
 use chord_spline::Spline;
@@ -40,8 +41,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub const CORNER_RAD: f64 = PI / 6.0;
 /// Most spans of a run, all moves together: 10 m at 10 µm.
 const SPANS_MAX: usize = 1 << 20;
-/// Tilt that a machine without tilting axes can ignore, rad: far below the axis tolerance.
-const UPRIGHT_RAD: f64 = 1e-6;
+/// Least width and height of a bead between waypoints, against the least that is given.
+const BEAD_SHARE_MIN: f64 = 0.1;
 
 type Point = [f64; CHANNELS];
 
@@ -335,7 +336,7 @@ impl Beads {
         let value = self.spline.value(s);
         let least = |channel: usize| {
             let given = self.spline.points.iter().map(|point| point[channel]);
-            0.1 * given.fold(f64::INFINITY, f64::min)
+            BEAD_SHARE_MIN * given.fold(f64::INFINITY, f64::min)
         };
         let width_mm = self.has_width.then(|| value[0].max(least(0)));
         (width_mm, value[1].max(least(1)))

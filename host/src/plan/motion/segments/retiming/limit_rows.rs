@@ -34,6 +34,8 @@ const AS_IT_IS: [f64; 3] = [1.0, 0.0, 0.0];
 const ROOM: f64 = 1.01;
 /// Rows whose weights sum to less cannot bind at any pace within the bounds above.
 const WEIGHT_MIN: f64 = 0.5;
+/// What the weights of b' and b'' count for there.
+const CHANGE_WEIGHT: f64 = 0.7;
 /// Directions around the tip's acceleration in which it is bounded, sine and cosine: 0 and ±20°.
 const TIP_DIRECTIONS: [(f64, f64); 3] = [
     (0.0, 1.0),
@@ -129,7 +131,7 @@ impl WindowRows {
     fn push_both(&mut self, weights: [f64; 3], limit: f64, is_jerk: bool) {
         let weights = weights.map(|weight| weight / limit);
         let [w0, w1, w2] = weights.map(f64::abs);
-        if w0 + 0.7 * (w1 + w2) > WEIGHT_MIN {
+        if w0 + CHANGE_WEIGHT * (w1 + w2) > WEIGHT_MIN {
             for sign in [1.0, -1.0] {
                 self.held.rows.push(Row {
                     weights: weights.map(|weight| sign * weight),

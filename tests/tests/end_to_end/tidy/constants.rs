@@ -1,0 +1,236 @@
+//! Goal: every number that the planner was given has its kind and its reason in one list. Method: every numeric constant
+//! of the planner and of the optimiser, outside of tests, has a row with its value, and every row its constant; a constant
+//! whose comment speaks of trials is listed as fitted; fitted constants, and numbers without a name, only become fewer.
+
+use super::planner::{OPTIMISER, PLAN};
+use super::{Breaches, ROOT, assert_none, code, sources};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const PAGE: &str = "docs/design/planner-constants.md";
+const KINDS: [&str; 4] = ["Derived", "Resolution", "Bound", "Fitted"];
+/// Constants that are fitted. Whoever removes one lowers it.
+const FITTED: usize = 183;
+/// Numbers with a point that have no name, but for those of [`is_plain`].
+const UNNAMED_MAX: usize = 70;
+/// Words of a numeric type; names of constants are lengths of arrays.
+const NUMERIC: [&str; 16] = [
+    "f64",
+    "f32",
+    "usize",
+    "isize",
+    "u8",
+    "u16",
+    "u32",
+    "u64",
+    "i8",
+    "i16",
+    "i32",
+    "i64",
+    "Vector2",
+    "RangeInclusive",
+    "std",
+    "ops",
+];
+
+/// A constant of a file: where it is named, its value's text, and whether its comment speaks of trials.
+struct Constant {
+    line: usize,
+    name: String,
+    value: String,
+    is_from_trials: bool,
+}
+
+/// A row of the page.
+struct Row {
+    kind: &'static str,
+    value: String,
+    has_reason: bool,
+}
+
+/// The name that the page gives a file of the planner or the optimiser.
+fn short_name(source: &str) -> Option<String> {
+    let of_optimiser = source.strip_prefix("host/");
+    let of_optimiser = of_optimiser.filter(|_| source.starts_with(OPTIMISER));
+    source
+        .strip_prefix(PLAN)
+        .or(of_optimiser)
+        .map(str::to_string)
+}
+
+fn is_numeric(of_type: &str) -> bool {
+    let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let words = of_type.split(|c| !is_name(c));
+    let mut words = words.filter(|word| word.starts_with(|c: char| c.is_ascii_alphabetic()));
+    let is_constant = |word: &str| !word.contains(|c: char| c.is_ascii_lowercase());
+    !of_type.contains('&') && words.all(|word| NUMERIC.contains(&word) || is_constant(word))
+}
+
+/// Where a constant begins on this line, from its name on.
+fn declared(line: &str) -> Option<&str> {
+    let (before, rest) = code(line).split_once("const ")?;
+    let is_declared = before.is_empty() || before.starts_with("pub") && before.ends_with(' ');
+    let has_name = rest.starts_with(|c: char| c.is_ascii_uppercase());
+    (is_declared && has_name).then_some(rest)
+}
+
+/// The numeric constants of a file, and the text of all that is no constant and no comment.
+fn read(lines: &[String]) -> (Vec<Constant>, Vec<(usize, &str)>) {
+    let (mut found, mut rest) = (Vec::new(), Vec::new());
+    let mut is_from_trials = false;
+    let mut next = 0;
+    while let Some(line) = lines.get(next) {
+        let number = next;
+        next += 1;
+        if line.trim_start().starts_with("//") {
+            is_from_trials |= line.contains("trials") || line.contains("(fitted");
+            continue;
+        }
+        let Some(begun) = declared(line) else {
+            is_from_trials = false;
+            rest.push((number, line.split("//").next().unwrap_or("")));
+            continue;
+        };
+        let mut text = begun.to_string();
+        while !text.ends_with(';') && next < lines.len() {
+            text.push(' ');
+            text.push_str(lines[next].trim());
+            next += 1;
+        }
+        if let Some((name, typed)) = text.split_once(": ")
+            && let Some((of_type, value)) = typed.trim_end_matches(';').split_once(" = ")
+            && is_numeric(of_type)
+        {
+            found.push(Constant {
+                line: number,
+                name: name.to_string(),
+                value: value.to_string(),
+                is_from_trials,
+            });
+        }
+        is_from_trials = false;
+    }
+    (found, rest)
+}
+
+/// The rows of the page by file and name.
+fn listed(page: &str, breaches: &mut Breaches) -> BTreeMap<(String, String), Row> {
+    let mut rows = BTreeMap::new();
+    let mut kind = None;
+    for line in page.lines() {
+        if let Some(head) = line.strip_prefix("## ") {
+            kind = KINDS.into_iter().find(|kind| *kind == head);
+        }
+        let Some(kind) = kind.filter(|_| line.starts_with("| `")) else {
+            continue;
+        };
+        let cells: Vec<&str> = line.trim_matches('|').split(" | ").map(str::trim).collect();
+        let [file, name, value] = [0, 1, 2].map(|i| {
+            let cell = cells.get(i).map_or("", |cell| cell.trim_matches('`'));
+            cell.to_string()
+        });
+        let row = Row {
+            kind,
+            value,
+            has_reason: cells.len() == 4 && !cells[3].is_empty(),
+        };
+        if rows.insert((file, name), row).is_some() {
+            breaches.0.push(format!("{PAGE}: twice: {line}"));
+        }
+    }
+    rows
+}
+
+/// Numbers of formulas: none, halves, small wholes, and what only keeps a division finite.
+fn is_plain(number: f64) -> bool {
+    const PLAIN: [f64; 10] = [0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0];
+    PLAIN.contains(&number) || number <= 1e-6
+}
+
+/// The numbers with a point or an exponent of a line, outside of strings.
+fn unnamed(line: &str) -> Vec<f64> {
+    let outside: String = line.split('"').step_by(2).collect::<Vec<_>>().join(" ");
+    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '.' || c == '-';
+    let words = outside.split(|c| !is_part(c)).map(|word| {
+        let word = word.trim_start_matches('-');
+        let word = word.split_once("f64").map_or(word, |(number, _)| number);
+        word.trim_end_matches('.').replace('_', "")
+    });
+    let is_float =
+        |word: &String| word.starts_with(|c: char| c.is_ascii_digit()) && word.contains(['.', 'e']);
+    words
+        .filter(is_float)
+        .filter_map(|w| w.parse().ok())
+        .collect()
+}
+
+#[test]
+fn every_constant_of_the_planner_has_its_kind_and_reason() {
+    let page = std::fs::read_to_string(Path::new(ROOT).join(PAGE)).expect("the list");
+    let mut breaches = Breaches(Vec::new());
+    let mut rows = listed(&page, &mut breaches);
+    let fitted = rows.values().filter(|row| row.kind == "Fitted").count();
+    let mut count = 0;
+    let mut numbers = Vec::new();
+    for source in sources() {
+        let Some(file) = short_name(&source.name) else {
+            continue;
+        };
+        let (constants, rest) = read(&source.lines);
+        for constant in constants {
+            count += 1;
+            let (name, value) = (&constant.name, &constant.value);
+            let Some(row) = rows.remove(&(file.clone(), name.clone())) else {
+                let rule = format!("{name} = {value} is not in {PAGE}");
+                breaches.add(&source, constant.line, &rule);
+                continue;
+            };
+            if row.value != *value {
+                let rule = format!("{name} is {value}, and {} in {PAGE}", row.value);
+                breaches.add(&source, constant.line, &rule);
+            }
+            if constant.is_from_trials && row.kind != "Fitted" {
+                breaches.add(&source, constant.line, &format!("{name} is {}", row.kind));
+            }
+            if !row.has_reason {
+                breaches.add(&source, constant.line, &format!("{name} has no reason"));
+            }
+        }
+        for (line, text) in rest {
+            let found = unnamed(text)
+                .into_iter()
+                .filter(|number| !is_plain(*number));
+            numbers.extend(found.map(|number| format!("{}:{}: {number}", source.name, line + 1)));
+        }
+    }
+    for (file, name) in rows.keys() {
+        breaches
+            .0
+            .push(format!("{PAGE}: no constant {name} in {file}"));
+    }
+    assert_none(&breaches);
+    assert!(count > 500, "only {count} constants found");
+    assert_eq!(fitted, FITTED, "fitted constants; they only become fewer");
+    let unnamed = numbers.len();
+    assert!(
+        (1..=UNNAMED_MAX).contains(&unnamed),
+        "{unnamed} numbers without a name, at most {UNNAMED_MAX}:\n{}",
+        numbers.join("\n")
+    );
+}
+
+#[test]
+fn constants_and_numbers_are_found() {
+    let text = "/// From trials on slices.\npub(super) const SHARES: [f64; 2] = [\n    0.5,\n    0.7,\n];\n\
+                const NAME: &str = \"1.5\";\nfn half(x: f64) -> f64 {\n    1.5e-3 * x.max(-0.7) // 9.9\n}";
+    let lines: Vec<String> = text.lines().map(str::to_string).collect();
+    let (found, rest) = read(&lines);
+    let [shares] = &found[..] else {
+        panic!("{} constants", found.len());
+    };
+    assert_eq!(shares.value, "[ 0.5, 0.7, ]");
+    assert!(shares.name == "SHARES" && shares.is_from_trials && shares.line == 1);
+    let numbers: Vec<f64> = rest.iter().flat_map(|(_, text)| unnamed(text)).collect();
+    assert_eq!(numbers, [1.5e-3, 0.7]);
+    assert!(is_plain(0.5) && is_plain(1e-9) && !is_plain(0.7));
+}
