@@ -16,8 +16,8 @@ use crate::plan::headings::runs::unwrap_headings;
 use crate::plan::pass::{Contact, LayerPass, Placement};
 use std::collections::BTreeSet;
 
-/// Longest path along a wall, against a: an interruption takes as long as some 25 mm of path.
-const LENGTH_SHARE: f64 = 25.0;
+/// Longest path along a wall, against a: an interruption takes as long as some 25 mm of path, and stops the flow.
+const LENGTH_SHARE: f64 = 35.0;
 /// How far the middle of a line's end may lie from the wall, against a.
 const NEAR_SHARE: f64 = 3.0;
 /// Distance of placements along the wall, against b.
