@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 /// step a tick loses steps at 1, and the time warp and correction need some room.
 pub const STEP_RATE_SHARE_MAX: f64 = 0.9;
 /// Longest work area that makes sense, mm: ten times the largest concrete printers.
-const LENGTH_MAX_MM: f64 = 100_000.0;
+pub(super) const LENGTH_MAX_MM: f64 = 100_000.0;
 
 /// Longest name of a machine, characters: it is in every job and message.
 pub(super) const NAME_CHARS_MAX: usize = 200;

@@ -5,6 +5,7 @@
 //! keys depend on the kinematics.
 
 use super::aperture_text::ApertureTextError;
+use super::check::LENGTH_MAX_MM;
 use super::error::SettingsError;
 use super::heat::{Material, PAUSE_HEAT_MAX_MIN_MOST};
 use super::keys::{
@@ -26,9 +27,6 @@ const MELT_ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e12];
 /// Fewest and most steps a unit.
 pub(super) const STEPS_RANGE: [f64; 2] = [1e-6, 1e9];
 const HOTTEST_C: f64 = DECIDEGREES_MAX as f64 / 10.0;
-
-/// Widest spacing of lines, mm: as far as the longest work areas.
-const SPACING_MAX_MM: f64 = 1e5;
 
 const TIP_SPEED: Range = Within(TIP_SPEED_RANGE_MM_S[0], TIP_SPEED_RANGE_MM_S[1]);
 const LAYER_COUNT: Range = Within(0.0, LAYERS_MAX as f64);
@@ -107,7 +105,7 @@ keys! {
     InfillKeys of Infill, "infill" {
         walls: Required<Count> = walls, Within(1.0, 1000.0);
         density_pct: Plain = density_pct, Within(0.0, 100.0), when |infill| infill.spacing_mm.is_none();
-        spacing_mm: Known = spacing_mm, Within(0.0, SPACING_MAX_MM);
+        spacing_mm: Known = spacing_mm, Within(0.0, LENGTH_MAX_MM);
         angle_deg: Degrees = angle_rad, TURN;
         bottom_layers: KnownCount = bottom_layers, LAYER_COUNT;
         top_layers: KnownCount = top_layers, LAYER_COUNT;

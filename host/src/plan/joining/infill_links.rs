@@ -16,8 +16,8 @@ use crate::plan::headings::runs::unwrap_headings;
 use crate::plan::pass::{Contact, LayerPass, Placement};
 use std::collections::BTreeSet;
 
-/// Longest path along a wall, relative to a: an interruption takes as long as some 25 mm of path.
-const LENGTH_SHARE: f64 = 25.0;
+/// Longest path along a wall, relative to a: an interruption takes as long as some 25 mm of path, and stops the flow.
+const LENGTH_SHARE: f64 = 35.0;
 /// Largest distance of the middle of a line's end from the wall, relative to a.
 const NEAR_SHARE: f64 = 3.0;
 /// Distance of placements along the wall, against b.
