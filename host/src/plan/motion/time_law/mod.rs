@@ -70,8 +70,8 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
 const WAY_OF_TICK: f64 = 0.004;
 /// Most servo ticks of a coarse one: a longest span has 32 of them.
 const COARSE_MAX: u16 = 128;
-/// Least number of coarse ticks of a move, so that short ones are unchanged: the windows in which speeds grow are
-/// 1 % of these.
+/// Least number of coarse ticks of a move, so that short ones are unchanged: the windows in which speeds grow
+/// have as many coarse ticks as otherwise servo ticks, 1 % of these.
 const COARSE_TICKS_MIN: f64 = 8192.0;
 
 /// Servo ticks per step of a move's time law, a power of two: a very slow move needs no more work than one of
