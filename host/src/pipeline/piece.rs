@@ -27,7 +27,7 @@ use std::hash::Hasher;
 /// The first bytes of a piece; the number is that of their layout.
 const MAGIC: &[u8; 8] = b"HWPIECE3";
 
-/// Places of each kind that are kept of a part.
+/// Most places of each kind that are kept of a part.
 pub const PLACES_MAX: usize = 1000;
 
 /// The kept data of a few layers, or of all layers of a part.

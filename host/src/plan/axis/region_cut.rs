@@ -42,7 +42,7 @@ pub fn chord(
 /// How far a chord passes the wall: above the slicer's grid, below any wall thickness.
 const CHORD_BEYOND_MM: f64 = 1e-4;
 
-/// How far beside the axis a wall is sought, against the distance of the walls.
+/// Distance from the axis at which a wall is sought, against the distance of the walls.
 const PROBE_SHARE: f64 = 0.3;
 
 /// A foot this close to a corner is at it, mm.

@@ -376,7 +376,7 @@ fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {
 const RUN_SHARE_MIN: f64 = 2.0;
 /// Shortest loop against b: what does not move at all is no pass.
 const LOOP_SHARE_MIN: f64 = 0.5;
-/// Way that turning on the spot counts as there, mm a radian.
+/// Distance that a turn in place counts as there, mm per radian.
 const TURN_MM: f64 = 0.1;
 
 fn run_length_mm(pass: &LayerPass) -> f64 {

@@ -118,7 +118,7 @@ fn necks(axis: &Axis, neighbours: &[Vec<u32>], b: f64) -> Vec<bool> {
     is_neck
 }
 
-/// Least length that a contact on the axis stands for, mm.
+/// Least length that a contact on the axis represents, mm.
 const LENGTH_MIN_MM: f64 = 0.02;
 
 /// Longest single run into a point, against a.

@@ -31,7 +31,7 @@ const NET_AGAIN_WEIGHT: f64 = 0.22;
 const HEADINGS: usize = 12;
 /// Places tried in each gap.
 const SEEDS: usize = 12;
-/// How far a placement is set off from its place along and across it, against a and b.
+/// Offsets of a placement from its place along and across it, against a and b.
 const START_SHARES: [f64; 2] = [0.7, 0.6];
 /// Slides of a tried placement off the walls.
 const SLIDES: usize = 4;

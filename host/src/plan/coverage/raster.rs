@@ -34,8 +34,8 @@ pub const CELLS_MAX: usize = 8_000_000;
 /// with the built-in aperture) does not resolve ends and cuts of beads.
 const FINE_SHARE_MAX: f64 = 0.5;
 
-/// Turn of a raster against what it is laid over, rad: aslant to walls along the axes or at 45°, where whole
-/// rows of cells would fall to either side of a wall or of a bead's edge at once.
+/// Rotation of a raster against the region, rad: aslant to walls along the axes or at 45°, where whole rows
+/// of cells would be on one side of a wall or of a bead's edge at once.
 pub const SKEW_RAD: f64 = 0.4;
 
 /// How far along its path a bead is the same bead for the stages that weigh single moves, against a. A

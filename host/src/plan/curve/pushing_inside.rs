@@ -26,9 +26,9 @@ const POSES_MIN: usize = 6;
 const POSES_MAX: usize = 2000;
 /// Rounds of pushing back; each at least halves the remaining cut.
 const ROUNDS_MAX: usize = 40;
-/// How much farther than a cut is deep it is pushed back, against the tolerance.
+/// Excess of a push over the depth of the cut, against the tolerance.
 const DEEPER_SHARE: f64 = 0.3;
-/// How much harder each round pushes than the first.
+/// Increase of the push of each round over the first.
 const GAIN_A_ROUND: f64 = 0.05;
 /// Round from which poses are turned as well as pushed: where pushing alone settles, headings stay.
 const TURNING_ROUND: usize = 8;

@@ -22,7 +22,7 @@ const LENGTH_SHARE: f64 = 35.0;
 const NEAR_SHARE: f64 = 3.0;
 /// Distance of placements along the wall, against b.
 const STEP_SHARE: f64 = 0.5;
-/// Slides of a placement off the walls, and what it may cut of them then.
+/// Most slides of a placement off the walls, and its permitted cut afterwards.
 const SLIDES: usize = 8;
 const CUT_SHARE: f64 = 1e-3;
 
@@ -72,7 +72,7 @@ impl LineEnd {
         }
     }
 
-    /// Its place in a list of two a line.
+    /// Its index in a list with two ends per line.
     fn number(self) -> usize {
         2 * self.line + usize::from(self.is_last)
     }
@@ -88,9 +88,9 @@ struct Link {
 struct Gap {
     ring: usize,
     ends: [LineEnd; 2],
-    /// Where along the ring they lie, the second beyond the first.
+    /// Their positions along the ring, the second beyond the first.
     at_mm: [f64; 2],
-    /// No path leads along it.
+    /// There is no path along it.
     is_blocked: bool,
 }
 
@@ -136,7 +136,7 @@ fn chained(lines: Vec<LayerPass>, links: Vec<Link>, aperture: &Aperture) -> Vec<
     passes
 }
 
-/// Appends placements, from the last on where they are gone back along.
+/// Appends placements, in reverse order if they are followed backwards.
 fn lay(placements: &mut Vec<Placement>, added: &[Placement], is_back: bool) {
     match is_back {
         true => placements.extend(added.iter().rev()),
@@ -259,8 +259,8 @@ impl AlongWalls<'_> {
         (apart_mm <= near_mm).then_some((number, at_mm))
     }
 
-    /// The placements from the end of a line along a wall to the start of another, turned as they are and touching it;
-    /// `None` where that leaves the ground.
+    /// The placements from the end of a line along a wall to the start of another, turned as they are and touching
+    /// it; `None` if that leaves the area.
     fn path(&self, end: &Placement, start: &Placement, gap: &Gap) -> Option<Vec<Placement>> {
         let heading_rad = end.at.heading_rad;
         let [from_mm, to_mm] = gap.at_mm;
@@ -277,7 +277,7 @@ impl AlongWalls<'_> {
             } else {
                 touching
             };
-            // Around a corner that stands into the ground the places that touch are far apart.
+            // Around a corner that projects into the area the touching places are far apart.
             let steps = ((goal - last).norm() / (2.0 * step_mm)).ceil().max(1.0) as usize;
             for step in 1..=steps {
                 let center = last + (goal - last) * (step as f64 / steps as f64);
@@ -287,7 +287,7 @@ impl AlongWalls<'_> {
                     center,
                     heading_rad,
                 };
-                // In a corner that opens to the ground they are the same; the start is the next line's own.
+                // In a corner that opens to the area they are the same; the start belongs to the next line.
                 if is_start || (center - before).norm() < 0.5 * step_mm {
                     continue;
                 }
@@ -314,7 +314,7 @@ impl AlongWalls<'_> {
     }
 }
 
-/// Gaps that are still to be gone along, by their ends.
+/// Gaps that are still to be joined, by their ends.
 struct Matching {
     gaps: Vec<Gap>,
     /// The gaps before and behind each end.
@@ -353,7 +353,7 @@ impl Matching {
         at
     }
 
-    /// Gaps of an end that two passes could be joined along.
+    /// Gaps of an end along which two passes can be joined.
     fn possible(&mut self, end: usize) -> Vec<usize> {
         let gaps = self.of_end[end].clone();
         let is_possible = |number: &usize| {
@@ -366,7 +366,7 @@ impl Matching {
         gaps.into_iter().filter(is_possible).collect()
     }
 
-    /// The shortest gap of an end that has the fewest left, with the ends; whoever takes it settles it.
+    /// The shortest gap of an end with the fewest remaining gaps, with its ends; the caller settles it.
     fn next(&mut self) -> Option<(usize, [LineEnd; 2])> {
         while let Some((count, end)) = self.queue.pop_first() {
             let possible = self.possible(end);
@@ -388,7 +388,7 @@ impl Matching {
         None
     }
 
-    /// Takes a gap's ends where it was gone along, and the gap where it cannot be.
+    /// Removes a gap's ends if it was joined, or only the gap if it cannot be.
     fn settle(&mut self, number: usize, is_joined: bool) {
         let ends = self.gaps[number].ends;
         self.gaps[number].is_blocked = true;

@@ -41,7 +41,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub const CORNER_RAD: f64 = PI / 6.0;
 /// Most spans of a run, all moves together: 10 m at 10 µm.
 const SPANS_MAX: usize = 1 << 20;
-/// Least width and height of a bead between waypoints, against the least that is given.
+/// Least width and height of a bead between waypoints, against the least given one.
 const BEAD_SHARE_MIN: f64 = 0.1;
 
 type Point = [f64; CHANNELS];

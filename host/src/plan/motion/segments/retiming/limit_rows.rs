@@ -34,7 +34,7 @@ const AS_IT_IS: [f64; 3] = [1.0, 0.0, 0.0];
 const ROOM: f64 = 1.01;
 /// Rows whose weights sum to less cannot bind at any pace within the bounds above.
 const WEIGHT_MIN: f64 = 0.5;
-/// What the weights of b' and b'' count for there.
+/// Factor of the weights of b' and b'' in that sum.
 const CHANGE_WEIGHT: f64 = 0.7;
 /// Directions around the tip's acceleration in which it is bounded, sine and cosine: 0 and ±20°.
 const TIP_DIRECTIONS: [(f64, f64); 3] = [
