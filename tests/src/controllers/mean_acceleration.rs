@@ -1,7 +1,7 @@
 //! How fast the axes' speeds change in time, whatever moves and junctions make of it.
 //!
-//! In: blocks with their profiles, in order. Out: for each axis the largest change of its mean speed from one [`MEAN_S`] to
-//! the next, over [`MEAN_S`]: an acceleration. A limit within moves says nothing of the steps between them, and a step between
+//! In: blocks with their profiles, in order. Out: for each axis the largest change of its mean speed from one window to
+//! the next, over the window: an acceleration. A limit within moves says nothing of the steps between them, and a step between
 //! moves nothing of what the move behind it takes back; a motor feels their sum. Leaves out the time at rest, which the
 //! places before and behind it show.
 
@@ -10,6 +10,8 @@ use super::profiles::{Block, Profile};
 
 /// The time in which a heading reaches its corner velocity at its acceleration, as the guide has it.
 pub const MEAN_S: f64 = 0.02;
+/// A shorter window, for the table.
+pub const SHORT_S: f64 = 0.01;
 /// Places are taken so often.
 const STEP_S: f64 = 0.0005;
 
@@ -40,9 +42,9 @@ impl Track {
         }
     }
 
-    /// Of each axis.
-    pub fn mean_accelerations(&self) -> [f64; AXES] {
-        let window = (MEAN_S / STEP_S).round() as usize;
+    /// Of each axis, over windows of so long.
+    pub fn mean_accelerations(&self, window_s: f64) -> [f64; AXES] {
+        let window = (window_s / STEP_S).round() as usize;
         let mut most = [0.0f64; AXES];
         for (i, middle) in self.places.iter().enumerate().skip(window) {
             let Some(after) = self.places.get(i + window) else {
@@ -51,7 +53,7 @@ impl Track {
             let before = &self.places[i - window];
             for axis in 0..AXES {
                 let change = after[axis] - 2.0 * middle[axis] + before[axis];
-                most[axis] = most[axis].max(change.abs() / (MEAN_S * MEAN_S));
+                most[axis] = most[axis].max(change.abs() / (window_s * window_s));
             }
         }
         most
@@ -103,14 +105,15 @@ mod tests {
         let ramp = block(10.0, 50.0, 1000.0);
         let mut track = Track::default();
         track.add(&ramp, &trapezoid(&ramp, 0.0, 0.0), 0.1);
-        assert!((track.mean_accelerations()[0] - 1000.0).abs() < 1.0);
+        assert!((track.mean_accelerations(MEAN_S)[0] - 1000.0).abs() < 1.0);
         // 10 mm/s, then 20: 10 over 0.02 s; the other axes stand.
         let mut track = Track::default();
         for speed in [10.0, 20.0] {
             let even = block(speed, speed, 1e9);
             track.add(&even, &trapezoid(&even, speed, speed), 0.0);
         }
-        let [x, y, ..] = track.mean_accelerations();
+        let [x, y, ..] = track.mean_accelerations(MEAN_S);
         assert!((x - 500.0).abs() < 1.0 && y == 0.0, "{x} {y}");
+        assert!((track.mean_accelerations(SHORT_S)[0] - 1000.0).abs() < 1.0);
     }
 }

@@ -20,7 +20,7 @@ pub mod reprapfirmware;
 pub mod state;
 pub mod words;
 
-use mean_acceleration::Track;
+use mean_acceleration::{MEAN_S, SHORT_S, Track};
 use profiles::Block;
 use state::{State, Way};
 use std::collections::BTreeMap;
@@ -57,6 +57,8 @@ pub struct Printed {
     pub peaks: [Peak; AXES],
     /// Largest change of each axis' mean speed from one 20 ms to the next, over 20 ms: with the steps between moves.
     pub mean_accelerations: [f64; AXES],
+    /// The same of 10 ms.
+    pub short_accelerations: [f64; AXES],
     /// Moves, and how many of them begin slower than requested for which reason.
     pub moves: usize,
     /// See `moves`.
@@ -213,7 +215,8 @@ impl Printed {
             before = None;
         }
         printed.moves_a_second = profiles::most_a_second(&begins);
-        printed.mean_accelerations = track.mean_accelerations();
+        printed.mean_accelerations = track.mean_accelerations(MEAN_S);
+        printed.short_accelerations = track.mean_accelerations(SHORT_S);
         printed
     }
 
