@@ -13,6 +13,7 @@ use headway::job::SegmentStream;
 use headway::job::heat::{BED, HOT_END, HeatEvent, HeatOrder};
 use headway::settings::{Settings, machine_file};
 use headway::{plan_target, plan_waypoints};
+use headway_firmware::configuration::Kinematics;
 use headway_tests::controllers::{self, AXES, HEADING, Printed, guide, klipper};
 use headway_tests::written_path::{beside_moves, channels};
 use std::path::Path;
@@ -86,12 +87,51 @@ struct Runs {
     printed: [Printed; 2],
 }
 
-/// Two prints by a controller that is set as the guide has it, Z as the machine has it: the guide's blocks are the built-in
-/// machine's, and the trunnion's and the gantry's Z are faster.
+/// Speed and acceleration of a machine's axes where the guide's are another machine's: its blocks are the built-in machine's,
+/// its tilts the trunnion's, and it says to set one's own.
+fn own_limits(settings: &Settings) -> Vec<(usize, [f64; 2])> {
+    let joints: &[(usize, usize)] = match settings.machine.kinematics {
+        Kinematics::Gantry { .. } => &[(0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5)],
+        Kinematics::Trunnion { .. } => &[(0, 0), (1, 1), (2, 2), (3, 3), (5, 5)],
+        _ => &[],
+    };
+    let of_joints = joints.iter().map(|(axis, joint)| {
+        let joint = &settings.machine.joints[*joint];
+        let limits = [joint.speed_max, joint.acceleration_max];
+        let unit = |limit: f64| {
+            if joint.rotary {
+                limit.to_degrees()
+            } else {
+                limit
+            }
+        };
+        (*axis, limits.map(unit))
+    });
+    of_joints.collect()
+}
+
+/// Sets speeds (0) or accelerations (1) to the machine's, a second or, 60 times, a minute.
+fn set_own(of: &mut [f64; AXES], which: usize, times: f64, settings: &Settings) {
+    for (axis, limits) in own_limits(settings) {
+        of[axis] = times * limits[which];
+    }
+}
+
+/// The same of corner velocities of what turns: the acceleration over 20 ms, as the guide has it.
+fn set_own_corners(of: &mut [f64; AXES], times: f64, settings: &Settings) {
+    for (axis, [_, acceleration]) in own_limits(settings) {
+        if (3..=HEADING).contains(&axis) {
+            of[axis] = times * 0.02 * acceleration;
+        }
+    }
+}
+
+/// Two prints by a controller that is set as the guide has it.
 fn run(dialect: Dialect, text: &str, settings: &Settings) -> Result<Runs, String> {
     let guide = text_of("docs/guide/gcode.md");
-    let z = &settings.machine.joints[2];
-    let (z_speed, z_acceleration) = (z.speed_max, z.acceleration_max);
+    let own = |of: &mut [f64; AXES], which: usize, times: f64| {
+        set_own(of, which, times, settings);
+    };
     let runs =
         |speed_max, acceleration_max, mut print: Box<dyn FnMut() -> Result<Printed, String>>| {
             Ok(Runs {
@@ -104,17 +144,23 @@ fn run(dialect: Dialect, text: &str, settings: &Settings) -> Result<Runs, String
     match dialect {
         Dialect::Klipper => {
             let mut of = guide::klipper(&guide)?;
-            of.z_max = [z_speed, z_acceleration];
+            for (_, z) in own_limits(settings).iter().filter(|(axis, _)| *axis == 2) {
+                of.z_max = *z;
+            }
             let ([z, z_a], [v, a]) = (of.z_max, [of.velocity_max_mm_s, of.acceleration_max_mm_s2]);
             let ([e, e_a], heading) = (of.extrude_only_max, of.steppers[0].1);
-            let speed = [v, v, z, 120.0, 120.0, heading[0], e];
-            let acceleration = [a, a, z_a, 1500.0, 1500.0, heading[1], e_a];
+            let mut speed = [v, v, z, 120.0, 120.0, heading[0], e];
+            let mut acceleration = [a, a, z_a, 1500.0, 1500.0, heading[1], e_a];
+            own(&mut speed, 0, 1.0);
+            own(&mut acceleration, 1, 1.0);
             let mut printer = klipper::Klipper::new(of);
             runs(speed, acceleration, Box::new(move || printer.print(&text)))
         }
         Dialect::RepRapFirmware => {
             let mut of = guide::reprapfirmware(&guide)?;
-            (of.speed_max_min[2], of.acceleration_max[2]) = (60.0 * z_speed, z_acceleration);
+            own(&mut of.speed_max_min, 0, 60.0);
+            own(&mut of.acceleration_max, 1, 1.0);
+            set_own_corners(&mut of.jerk_min, 60.0, settings);
             let speed = of.speed_max_min.map(|speed| speed / 60.0);
             let acceleration = of.acceleration_max;
             let mut printer = controllers::reprapfirmware::RepRapFirmware::new(of);
@@ -122,14 +168,19 @@ fn run(dialect: Dialect, text: &str, settings: &Settings) -> Result<Runs, String
         }
         Dialect::Marlin => {
             let mut of = guide::marlin(&guide)?;
-            (of.speed_max[2], of.acceleration_max[2]) = (z_speed, z_acceleration);
+            own(&mut of.speed_max, 0, 1.0);
+            own(&mut of.acceleration_max, 1, 1.0);
+            if let Some(jerk) = &mut of.jerk {
+                set_own_corners(jerk, 1.0, settings);
+            }
             let (speed, acceleration) = (of.speed_max, of.acceleration_max);
             let mut printer = controllers::marlin::Marlin::new(of);
             runs(speed, acceleration, Box::new(move || printer.print(&text)))
         }
         Dialect::GrblHal => {
             let mut of = guide::grblhal(&guide)?;
-            (of.speed_max_min[2], of.acceleration_max[2]) = (60.0 * z_speed, z_acceleration);
+            own(&mut of.speed_max_min, 0, 60.0);
+            own(&mut of.acceleration_max, 1, 1.0);
             let speed = of.speed_max_min.map(|speed| speed / 60.0);
             let acceleration = of.acceleration_max;
             let mut printer = controllers::grblhal::GrblHal::new(of);
@@ -137,7 +188,8 @@ fn run(dialect: Dialect, text: &str, settings: &Settings) -> Result<Runs, String
         }
         Dialect::LinuxCnc => {
             let mut of = guide::linuxcnc(&guide)?;
-            (of.speed_max[2], of.acceleration_max[2]) = (z_speed, z_acceleration);
+            own(&mut of.speed_max, 0, 1.0);
+            own(&mut of.acceleration_max, 1, 1.0);
             let (speed, acceleration) = (of.speed_max, of.acceleration_max);
             let mut machine = controllers::linuxcnc::LinuxCnc::new(of);
             runs(speed, acceleration, Box::new(move || machine.print(&text)))
