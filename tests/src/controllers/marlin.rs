@@ -81,9 +81,11 @@ impl Marlin {
                 return Ok(None);
             }
             put_off = [0.0; AXES];
-            Ok(Some(config.block(state.feed / 60.0, &way, before)))
+            Ok(Some(config.block(state, &way, before)))
         })?;
-        Ok(Printed::looked_ahead(&moves, BUFFER).of_text(text, self.state.left()))
+        let mut left = self.state.left();
+        left.extend(self.state.left_accelerations(&config.acceleration_max));
+        Ok(Printed::looked_ahead(&moves, BUFFER).of_text(text, left))
     }
 }
 
@@ -101,20 +103,21 @@ impl Config {
         }
     }
 
-    fn block(&self, speed: f64, way: &Way, before: Option<&Block>) -> Block {
+    fn block(&self, state: &State, way: &Way, before: Option<&Block>) -> Block {
+        let accelerations = state.accelerations(&self.acceleration_max);
         let length = linear_first(way);
         let direction = way.by.map(|d| d / length);
         let goes = way.by[..EXTRUDER].iter().any(|by| *by != 0.0);
         let [print, retract, travel] = self.accelerations;
         let acceleration = match (goes, way.by[EXTRUDER] != 0.0) {
             (false, _) => retract,
-            (true, true) => print.min(within(&direction, &self.acceleration_max)),
-            (true, false) => travel.min(within(&direction, &self.acceleration_max)),
+            (true, true) => print.min(within(&direction, &accelerations)),
+            (true, false) => travel.min(within(&direction, &accelerations)),
         };
         let mut block = Block {
             length,
             direction,
-            speed_max: speed.min(within(&direction, &self.speed_max)),
+            speed_max: (state.feed / 60.0).min(within(&direction, &self.speed_max)),
             acceleration,
             entry_max: 0.0,
             entry_by: "rest",

@@ -14,11 +14,13 @@ pub mod guide;
 pub mod klipper;
 pub mod linuxcnc;
 pub mod marlin;
+pub mod mean_acceleration;
 pub mod profiles;
 pub mod reprapfirmware;
 pub mod state;
 pub mod words;
 
+use mean_acceleration::{MEAN_S, SHORT_S, Track};
 use profiles::Block;
 use state::{State, Way};
 use std::collections::BTreeMap;
@@ -53,6 +55,10 @@ pub struct Printed {
     pub filament_mm: f64,
     /// Of each axis, over the whole text.
     pub peaks: [Peak; AXES],
+    /// Largest change of each axis' mean speed from one 20 ms to the next, over 20 ms: with the steps between moves.
+    pub mean_accelerations: [f64; AXES],
+    /// The same of 10 ms.
+    pub short_accelerations: [f64; AXES],
     /// Moves, and how many of them begin slower than requested for which reason.
     pub moves: usize,
     /// See `moves`.
@@ -178,12 +184,14 @@ impl Printed {
         };
         let (mut now_s, mut begins) = (0.0, Vec::new());
         let mut before: Option<(Block, profiles::Profile)> = None;
+        let mut track = Track::default();
         let mut from = 0;
         for run in moves.split_inclusive(|of| of.rest_s.is_some()) {
             let range = from..from + run.len();
             from = range.end;
             for (planned, profile) in run.iter().zip(plan(range)) {
                 printed.peak(&planned.block, &profile, before.as_ref());
+                track.add(&planned.block, &profile, planned.rest_s.unwrap_or(0.0));
                 if planned.of_job {
                     begins.push(now_s);
                     now_s += profile.seconds + planned.rest_s.unwrap_or(0.0);
@@ -207,6 +215,8 @@ impl Printed {
             before = None;
         }
         printed.moves_a_second = profiles::most_a_second(&begins);
+        printed.mean_accelerations = track.mean_accelerations(MEAN_S);
+        printed.short_accelerations = track.mean_accelerations(SHORT_S);
         printed
     }
 

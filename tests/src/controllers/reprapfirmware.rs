@@ -108,7 +108,9 @@ impl RepRapFirmware {
             }
             Ok(Some(block))
         })?;
-        Ok(Printed::looked_ahead(&moves, BUFFER).of_text(text, self.state.left()))
+        let mut left = self.state.left();
+        left.extend(self.state.left_accelerations(&config.acceleration_max));
+        Ok(Printed::looked_ahead(&moves, BUFFER).of_text(text, left))
     }
 }
 
@@ -138,7 +140,7 @@ impl Config {
             length,
             direction,
             speed_max,
-            acceleration: within(&direction, &self.acceleration_max),
+            acceleration: within(&direction, &state.accelerations(&self.acceleration_max)),
             entry_max: 0.0,
             entry_by: "rest",
         })
@@ -200,6 +202,28 @@ mod tests {
         let turn = 360.0 / 600.0 + 600.0 / 20000.0;
         assert!((alone.seconds - turn).abs() < 1e-9, "{alone:?}");
         assert!(printed("G1 C36001").expect_err("beyond").contains("M208"));
+    }
+
+    #[test]
+    fn accelerations_hold_from_their_line_on() {
+        // 10 mm with 100 degrees, there and back: 1000 / 10 mm/s² of the heading's, then the 1000 of X. C600 has 0.5 mm/s
+        // where it turns back.
+        let text = "M201 C1000\nG1 X10 C100 E1 F600\nM201 C20000\nG1 X0 C0 E1";
+        let each = |acceleration: f64| {
+            19.5 / acceleration + (10.0 - (200.0 - 0.25) / (2.0 * acceleration)) / 10.0
+        };
+        let printed = printed(text).expect("printed");
+        let by_hand = each(100.0) + each(1000.0);
+        assert!(
+            (printed.seconds - by_hand).abs() < 1e-9,
+            "{} {by_hand}",
+            printed.seconds
+        );
+        let is_left = |text: &String| text.starts_with("M201");
+        assert!(!printed.left.iter().any(is_left), "{:?}", printed.left);
+        let mut duet = RepRapFirmware::new(Config::read(CONFIG).expect("a configuration"));
+        let left = duet.print("M201 C1000").expect("printed").left;
+        assert_eq!(left, ["M201 C1000"]);
     }
 
     #[test]

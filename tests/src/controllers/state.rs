@@ -55,6 +55,8 @@ pub struct State {
     code: u32,
     /// Heaters by their numbers, °C; the fan.
     pub celsius: [f64; 4],
+    /// What M201 said of the axes, where the controller has it: a second squared.
+    pub acceleration: [Option<f64>; AXES],
 }
 
 impl State {
@@ -70,7 +72,23 @@ impl State {
             feed: 1500.0,
             code: 0,
             celsius: [0.0; 4],
+            acceleration: [None; AXES],
         }
+    }
+
+    /// Accelerations of the axes by M201, else by the configuration.
+    pub fn accelerations(&self, configured: &[f64; AXES]) -> [f64; AXES] {
+        std::array::from_fn(|axis| self.acceleration[axis].unwrap_or(configured[axis]))
+    }
+
+    /// What a print leaves of M201 other than it is configured.
+    pub fn left_accelerations(&self, configured: &[f64; AXES]) -> Vec<String> {
+        let now = self.accelerations(configured);
+        let axes = self.rules.letters.iter().zip(now).zip(configured);
+        let changed = axes.filter(|((_, now), was)| now != *was);
+        changed
+            .map(|((letter, now), _)| format!("M201 {letter}{now}"))
+            .collect()
     }
 
     /// What is not as a print should leave it.
@@ -166,6 +184,12 @@ impl State {
             }
             // The end of a program: absolute, units a minute, G54, spindle off; offsets of G92 stay.
             ("M2", true) => (self.relative, self.inverse_time) = (false, false),
+            ("M201", false) => {
+                for axis in 0..AXES {
+                    let said = words.number(self.rules.letters[axis]);
+                    self.acceleration[axis] = said.or(self.acceleration[axis]);
+                }
+            }
             (name, _) if self.rules.codes.contains(&name) => {}
             _ => return Err(format!("{name} is not known")),
         }

@@ -97,7 +97,7 @@ impl Interpreter {
             None => value(line, b'R', number)?,
             given => given,
         };
-        let celsius = checked(given, number, most_c())?;
+        let celsius = checked_c(given, number)?;
         match (celsius, waits) {
             (Some(celsius), false) => self.order(HeatOrder::target(heater, celsius), number),
             (Some(celsius), true) => self.order(HeatOrder::wait_for(heater, celsius), number),
@@ -115,7 +115,7 @@ impl Interpreter {
         number: usize,
     ) -> Result<(), GcodeError> {
         let tool = value(line, b'P', number)?.unwrap_or(0.0);
-        let celsius = checked(value(line, b'S', number)?, number, most_c())?;
+        let celsius = checked_c(value(line, b'S', number)?, number)?;
         let heater = match tool {
             0.0 => Some(HOT_END),
             1.0 => Some(HOT_END_2),
@@ -190,6 +190,15 @@ impl Interpreter {
 fn output(number: Option<f64>) -> Option<(u8, Option<u8>)> {
     let of = |(output, _): &&(u8, Option<u8>)| Some(f64::from(*output)) == number;
     OUTPUTS.iter().find(of).copied()
+}
+
+/// A target, °C: RepRapFirmware switches a heater off by absolute zero, which is written so or without decimals.
+fn checked_c(given: Option<f64>, line: usize) -> Result<Option<f64>, GcodeError> {
+    let is_off = |celsius: &f64| (-273.15..=-273.0).contains(celsius);
+    match given.filter(is_off) {
+        Some(_) => Ok(Some(0.0)),
+        None => checked(given, line, most_c()),
+    }
 }
 
 /// Hottest target, °C.

@@ -6,7 +6,7 @@
 //! the two ends, so that an arc begins and ends where the path does. Leaves out what a controller's own chords
 //! are beside the arc.
 
-use super::lines::{LineTolerances, beside, farthest, line_end};
+use super::lines::{LineTolerances, beside, farthest, line_end, turns_evenly};
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNELS,
 };
@@ -116,6 +116,7 @@ fn fitted_arc(
     if !(stands(CHANNEL_TILT_X) && stands(CHANNEL_TILT_Y))
         || !(turning || stands(CHANNEL_HEADING))
         || tolerances.wrapped && turns(a) != turns(b)
+        || !turns_evenly(&poses[from..=to], &tolerances.even)
     {
         return None;
     }
@@ -183,12 +184,15 @@ fn arc_through<'a>(
 mod tests {
     //! Goal: what lies on an arc is one, what does not is not. Method: circles, helices and spirals in closed form.
     use super::*;
+    use crate::gcode::write::lines::EvenHeading;
 
     const TOLERANCES: LineTolerances = LineTolerances {
         tip_mm: 0.002,
         turn_rad: 3e-4,
         wrapped: false,
         volume_mm3: 0.002,
+        even: EvenHeading::ANY,
+        long_ticks: usize::MAX,
     };
 
     fn along(pose: impl Fn(f64) -> [f64; CHANNELS]) -> Vec<[f64; CHANNELS]> {

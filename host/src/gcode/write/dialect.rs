@@ -89,6 +89,17 @@ impl Dialect {
         self == Dialect::LinuxCnc
     }
 
+    /// The heading follows the tip at the speeds of the file: its own acceleration limit is lifted on the job's moves.
+    /// grblHAL takes corners by the acceleration of all axes at once, and LinuxCNC each move by its own.
+    pub fn heading_follows(self) -> bool {
+        !self.is_machine_tool()
+    }
+
+    /// The code that sets accelerations of axes, where the file has to set the heading's.
+    pub(super) fn acceleration_code(self) -> Option<&'static str> {
+        matches!(self, Dialect::RepRapFirmware | Dialect::Marlin).then_some("M201")
+    }
+
     /// Moves a second that its buffer is trusted with: a bound of ours, from a line of 45 characters at
     /// 115200 baud for controllers that are fed over a line, and what planners keep up with else.
     pub fn moves_a_second_max(self) -> f64 {

@@ -1,12 +1,14 @@
 //! Header, start block and the way to the job; the way back of the heading and the end block.
 //!
 //! In: the job, its first pose. Out: lines. The heading's zero is where it stands when the file begins, and at the end it
-//! is turned back to a whole turn, so that the next print's zero is the same.
+//! is turned back to a whole turn, so that the next print's zero is the same. RepRapFirmware and Marlin are given the
+//! heading's acceleration by the file, behind the way to the job, and the machine's again before the heading turns back.
 
+use super::dialect::Dialect;
 use super::limits::HEADING;
 use super::poses::Poses;
 use super::template::filled;
-use super::{JobText, STILL_DEG, WriteError, Writer, Written, heat, short};
+use super::{At, JobText, STILL_DEG, WriteError, Writer, Written, heat, short};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS};
 use std::io::Write;
 
@@ -40,13 +42,43 @@ impl<W: Write> Writer<'_, W> {
         let orders = heat::first_lines(job.heat, options);
         self.out.write_all(orders.as_bytes())?;
         let to = self.place(first);
+        self.turn_first(&to)?;
         let words = self.words(&to, 6);
         match options.dialect.is_machine_tool() {
             true => writeln!(self.out, "G0{words}")?,
             false => writeln!(self.out, "G0{words} F{APPROACH_MM_MIN}")?,
         }
         self.at = to;
+        if self.follows {
+            self.accelerate_heading(options.limits.followed().acceleration[HEADING])?;
+        }
         Ok(())
+    }
+
+    /// Klipper's limits of an axis stand from its registration on: where the heading follows, it turns to the job alone, by
+    /// its section's acceleration.
+    fn turn_first(&mut self, to: &At) -> Result<(), WriteError> {
+        let turn_deg = to.turn_deg[2];
+        if self.follows && self.options.dialect == Dialect::Klipper && turn_deg.abs() > STILL_DEG {
+            let letter = char::from(self.options.turns[2]);
+            let feed = self.turn_feed();
+            writeln!(self.out, "G1 {letter}{} F{feed}", short(turn_deg, 3))?;
+        }
+        Ok(())
+    }
+
+    /// The controller's limit of the heading, degrees/s², where the file sets it.
+    fn accelerate_heading(&mut self, acceleration: f64) -> Result<(), WriteError> {
+        if let Some(code) = self.options.dialect.acceleration_code() {
+            let letter = char::from(self.options.turns[2]);
+            writeln!(self.out, "{code} {letter}{}", short(acceleration, 0))?;
+        }
+        Ok(())
+    }
+
+    /// Degrees a minute at which the heading turns alone.
+    fn turn_feed(&self) -> String {
+        short(60.0 * BACK_SHARE * self.options.limits.speed[HEADING], 0)
     }
 
     pub(super) fn end(
@@ -118,9 +150,12 @@ impl<W: Write> Writer<'_, W> {
             limits.corner(axis),
         ]
         .map(|n| short(n, 3));
-        format!(
-            "LIMIT_VELOCITY={speed} LIMIT_ACCEL={acceleration} INSTANTANEOUS_CORNER_VELOCITY={corner}"
-        )
+        // Without LIMIT_ACCEL it follows, as the extruder does.
+        let acceleration = match self.follows && axis == HEADING {
+            true => String::new(),
+            false => format!(" LIMIT_ACCEL={acceleration}"),
+        };
+        format!("LIMIT_VELOCITY={speed}{acceleration} INSTANTANEOUS_CORNER_VELOCITY={corner}")
     }
 
     /// The heading to the whole turn that is nearest.
@@ -130,6 +165,9 @@ impl<W: Write> Writer<'_, W> {
         if tools {
             writeln!(self.out, "G94")?;
         }
+        if self.follows {
+            self.accelerate_heading(self.options.limits.acceleration[HEADING])?;
+        }
         let stands_deg = self.at.turn_deg[2];
         let whole_deg = 360.0 * (stands_deg / 360.0).round();
         if (stands_deg - whole_deg).abs() <= STILL_DEG {
@@ -137,7 +175,7 @@ impl<W: Write> Writer<'_, W> {
         }
         let letter = char::from(self.options.turns[2]);
         // Of turns alone F is degrees a minute.
-        let feed = short(60.0 * BACK_SHARE * self.options.limits.speed[HEADING], 0);
+        let feed = self.turn_feed();
         match tools {
             true => writeln!(self.out, "G0 {letter}{}", short(whole_deg, 0))?,
             false => writeln!(self.out, "G1 {letter}{} F{feed}", short(whole_deg, 0))?,

@@ -15,6 +15,12 @@ pub const EXTRUDER: usize = 6;
 /// Time in which a heading's corner velocity is reached at its acceleration, s: the length of two moves in time, so that
 /// chords of what the heading does at its limit are no corners, nor where that acceleration changes its sign.
 const CORNER_S: f64 = 0.02;
+/// Time in which the heading's speed may change by its acceleration within one move, s: what its mean acceleration over
+/// [`CORNER_S`] is more than the job's grows with it.
+const MOVE_CHANGE_S: f64 = 0.0075;
+/// Times the heading's acceleration that a planner is given on the job's moves: none would be as good, but some controllers
+/// have no way to say so. The speeds of the file keep the heading's acceleration; see [`AxisLimits::followed`].
+const FOLLOWED_TIMES: f64 = 20.0;
 
 /// Limits of the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +75,21 @@ impl AxisLimits {
         CORNER_S * self.acceleration[axis]
     }
 
+    /// Change of the heading's speed within a move that is written, degrees/s.
+    pub fn heading_change(&self) -> f64 {
+        MOVE_CHANGE_S * self.acceleration[HEADING]
+    }
+
+    /// What a planner is given on the job's moves, where the heading only follows the tip. A planner of straight moves slows
+    /// the tip down within a move by what the heading's share of it allows, although the next move's share is another one
+    /// and the heading's own speed does not change: entering a corner, the tip slows down while the heading speeds up. The
+    /// job's times have the heading's acceleration already.
+    pub fn followed(&self) -> AxisLimits {
+        let mut followed = *self;
+        followed.acceleration[HEADING] *= FOLLOWED_TIMES;
+        followed
+    }
+
     /// The least of some limits for a direction.
     pub fn within(direction: &[f64; AXES], limits: &[f64; AXES]) -> f64 {
         let of_axes = direction.iter().zip(limits);
@@ -93,5 +114,9 @@ mod tests {
             assert!((own / built_in - 1.0).abs() < 0.02, "{limits:?}");
         }
         assert!((limits.corner(HEADING) - 400.0).abs() < 1e-6);
+        assert!((limits.heading_change() - 150.0).abs() < 1e-6);
+        let followed = limits.followed();
+        assert_eq!(followed.speed, limits.speed);
+        assert!((followed.acceleration[HEADING] - 400_000.0).abs() < 1e-3);
     }
 }

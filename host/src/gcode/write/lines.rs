@@ -24,6 +24,32 @@ pub struct LineTolerances {
     pub wrapped: bool,
     /// Deposited volume, mm³.
     pub volume_mm3: f64,
+    /// How evenly the heading turns.
+    pub even: EvenHeading,
+    /// Straight moves of more ticks than this are not longer than [`LONGEST_MM`]: what reads the file has a place of the
+    /// motion so often, and chords lie beside it.
+    pub long_ticks: usize,
+}
+
+/// Longest straight move that also takes long, mm (fitted on u-part, gear and bracket: with 10 and 25 ms a job that is read
+/// again lies within 4 µm of itself, with moves as long as they may be within 10, for 1 % more moves).
+const LONGEST_MM: f64 = 10.0;
+
+/// How evenly the heading turns within a move, whose mean rate is all that a controller is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EvenHeading {
+    /// By how much the turn of a tick may change, rad.
+    pub change_rad: f64,
+    /// Moves of so many ticks may turn as they do.
+    pub ticks_min: usize,
+}
+
+impl EvenHeading {
+    /// Any.
+    pub const ANY: EvenHeading = EvenHeading {
+        change_rad: f64::INFINITY,
+        ticks_min: 0,
+    };
 }
 
 /// Ticks at which moves end, of the poses of every tick; the first move begins at 0.
@@ -93,11 +119,31 @@ fn is_straight(
     if tolerances.wrapped && turned_rad > WRAPPED_TURN_MAX_RAD && between > 1 {
         return false;
     }
+    let way_mm: [f64; 3] = std::array::from_fn(|c| poses[to][c] - poses[from][c]);
+    let length_mm = way_mm.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let is_long = between > tolerances.long_ticks && length_mm > LONGEST_MM;
+    if is_long || !turns_evenly(&poses[from..=to], &tolerances.even) {
+        return false;
+    }
     let looks = between.saturating_sub(1).min(LOOKS_MAX);
     (1..=looks).all(|k| {
         let at = from + (k * between) / (looks + 1);
         beside(&poses[at], &poses[from], &poses[to], tolerances) <= 1.0
     })
+}
+
+/// True where the heading turns evenly enough for one move through these poses.
+pub(super) fn turns_evenly(poses: &[[f64; CHANNELS]], even: &EvenHeading) -> bool {
+    if poses.len() <= even.ticks_min + 1 || even.change_rad == f64::INFINITY {
+        return true;
+    }
+    let pairs = poses.windows(2);
+    let turns = pairs.map(|pair| pair[1][CHANNEL_HEADING] - pair[0][CHANNEL_HEADING]);
+    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    for turn in turns {
+        (least, most) = (turn.min(least), turn.max(most));
+    }
+    most - least <= even.change_rad
 }
 
 /// How far a pose lies beside a move, against the tolerances.
@@ -141,6 +187,8 @@ mod tests {
             turn_rad: 3e-4,
             wrapped: false,
             volume_mm3: 0.01,
+            even: EvenHeading::ANY,
+            long_ticks: usize::MAX,
         };
         let straight: Vec<[f64; CHANNELS]> = (0..1000)
             .map(|i| f64::from(i) * 1e-3)
@@ -171,5 +219,58 @@ mod tests {
         }
         // The chord of an arc of 5 mm with 2 µm is 0.28 mm.
         assert!((60..110).contains(&ends.len()), "{}", ends.len());
+    }
+
+    /// Goal: a move ends where the heading's rate has changed by as much as is allowed. Method: a straight way on which the
+    /// heading speeds up evenly with the tip, so that one move is within all lengths.
+    #[test]
+    fn moves_end_where_the_heading_rate_has_changed() {
+        let tolerances = LineTolerances {
+            tip_mm: 0.002,
+            turn_rad: 3e-4,
+            wrapped: false,
+            volume_mm3: 0.01,
+            even: EvenHeading {
+                change_rad: 1.005e-4,
+                ticks_min: 8,
+            },
+            long_ticks: usize::MAX,
+        };
+        // Each tick turns by 10⁻⁶ rad more than the one before: 101 ticks a move.
+        let poses: Vec<[f64; CHANNELS]> = (0..=1000)
+            .map(|i| 0.5e-6 * f64::from(i * i))
+            .map(|turn| [3.0 * turn, 0.0, 0.2, 0.0, 0.0, turn, 0.0])
+            .collect();
+        let ends = move_ends(&poses, &tolerances);
+        let lengths = ends.windows(2).map(|pair| pair[1] - pair[0]);
+        assert_eq!(ends[0], 101);
+        assert!(
+            lengths.clone().count() > 7 && lengths.clone().all(|ticks| ticks <= 101),
+            "{ends:?}"
+        );
+        let any = LineTolerances {
+            even: EvenHeading::ANY,
+            ..tolerances
+        };
+        assert_eq!(move_ends(&poses, &any), [1000]);
+    }
+
+    /// Goal: fast straight ways have a place each 10 mm, slow ones are one move. Method: 95 mm evenly, in 950 ticks.
+    #[test]
+    fn long_moves_end_each_ten_millimetres() {
+        let of = |long_ticks| LineTolerances {
+            tip_mm: 0.002,
+            turn_rad: 3e-4,
+            wrapped: false,
+            volume_mm3: 0.01,
+            even: EvenHeading::ANY,
+            long_ticks,
+        };
+        let poses: Vec<[f64; CHANNELS]> = (0..=950)
+            .map(|i| [0.1 * f64::from(i), 0.0, 0.2, 0.0, 0.0, 0.0, 0.0])
+            .collect();
+        let ends = move_ends(&poses, &of(50));
+        assert_eq!(ends.len(), 10, "{ends:?}");
+        assert_eq!(move_ends(&poses, &of(950)), [950]);
     }
 }

@@ -160,6 +160,8 @@ struct Writer<'a, W> {
     /// Turns before they are wrapped.
     turn_deg: [f64; 3],
     tilts: bool,
+    /// The heading's acceleration is kept by the speeds of the file, not by the controller.
+    follows: bool,
     arcs: ArcsWritten,
     /// Extruded so far, 10⁻⁵ mm of filament.
     e_units: i64,
@@ -215,6 +217,11 @@ pub fn write_gcode(
     let mut poses = Poses::new(stream);
     let first = poses.at(0);
     let tilts = is_tilting(stream);
+    let follows = !tilts && options.dialect.heading_follows();
+    let planned = match follows {
+        true => options.limits.followed(),
+        false => options.limits,
+    };
     let mut writer = Writer {
         out,
         options,
@@ -222,6 +229,7 @@ pub fn write_gcode(
         at: At::default(),
         turn_deg: [0.0; 3],
         tilts,
+        follows,
         arcs: arcs_written(options)?,
         e_units: 0,
         e_mm: 0.0,
@@ -229,7 +237,7 @@ pub fn write_gcode(
         retracted_mm: None,
         retraction: String::new(),
         recent: VecDeque::new(),
-        time: ControllerTime::new(options.dialect, options.limits),
+        time: ControllerTime::new(options.dialect, planned),
         written: Written {
             duration_s: ticks as f64 / job.servo_hz,
             ..Written::default()
@@ -240,36 +248,7 @@ pub fn write_gcode(
         return Err(WriteError::Letter { letter });
     }
     writer.begin(job, &first)?;
-    let events = event_ticks(stream);
-    let is_prime = |event: &&(u64, FlowAction, f64, f64)| event.1 == FlowAction::Prime;
-    let mut primes_left = events.iter().filter(is_prime).count();
-    let mut layer = None;
-    let first_orders = job.heat.iter().take_while(|event| event.tick == 0);
-    let mut heat = &job.heat[first_orders.count()..];
-    for mark in &stream.marks {
-        writer.orders_until(&mut heat, mark.start_tick, false)?;
-        if mark.state == MotionState::Print && layer != Some(mark.layer) {
-            layer = Some(mark.layer);
-            let z_mm = poses.at(mark.start_tick)[2];
-            writeln!(writer.out, ";LAYER_CHANGE\n;Z:{z_mm:.4}")?;
-        }
-        let within = |tick: u64| (mark.start_tick..mark.end_tick).contains(&tick);
-        let of_mark = events.iter().filter(|(tick, ..)| within(*tick));
-        for (_, action, volume_mm3, duration_s) in of_mark.clone() {
-            if *action == FlowAction::Prime {
-                writer.prime(*volume_mm3, *duration_s)?;
-                primes_left -= 1;
-            }
-        }
-        let ticks = [mark.start_tick, mark.end_tick];
-        writer.move_with_orders(ticks, &mut heat, &mut poses)?;
-        for (_, action, volume_mm3, duration_s) in of_mark {
-            if *action == FlowAction::Retract {
-                writer.retract(*volume_mm3, *duration_s, primes_left > 0)?;
-            }
-        }
-    }
-    writer.orders_until(&mut heat, u64::MAX, true)?;
+    writer.marks(job, &mut poses)?;
     writer.end(job, &first)
 }
 
@@ -279,6 +258,40 @@ pub fn filament_mm2(filament_mm: f64) -> f64 {
 }
 
 impl<W: Write> Writer<'_, W> {
+    /// The job's moves, events and orders, mark by mark.
+    fn marks(&mut self, job: &JobText, poses: &mut Poses) -> Result<(), WriteError> {
+        let events = event_ticks(job.stream);
+        let is_prime = |event: &&(u64, FlowAction, f64, f64)| event.1 == FlowAction::Prime;
+        let mut primes_left = events.iter().filter(is_prime).count();
+        let mut layer = None;
+        let first_orders = job.heat.iter().take_while(|event| event.tick == 0);
+        let mut heat = &job.heat[first_orders.count()..];
+        for mark in &job.stream.marks {
+            self.orders_until(&mut heat, mark.start_tick, false)?;
+            if mark.state == MotionState::Print && layer != Some(mark.layer) {
+                layer = Some(mark.layer);
+                let z_mm = poses.at(mark.start_tick)[2];
+                writeln!(self.out, ";LAYER_CHANGE\n;Z:{z_mm:.4}")?;
+            }
+            let within = |tick: u64| (mark.start_tick..mark.end_tick).contains(&tick);
+            let of_mark = events.iter().filter(|(tick, ..)| within(*tick));
+            for (_, action, volume_mm3, duration_s) in of_mark.clone() {
+                if *action == FlowAction::Prime {
+                    self.prime(*volume_mm3, *duration_s)?;
+                    primes_left -= 1;
+                }
+            }
+            let ticks = [mark.start_tick, mark.end_tick];
+            self.move_with_orders(ticks, &mut heat, poses)?;
+            for (_, action, volume_mm3, duration_s) in of_mark {
+                if *action == FlowAction::Retract {
+                    self.retract(*volume_mm3, *duration_s, primes_left > 0)?;
+                }
+            }
+        }
+        self.orders_until(&mut heat, u64::MAX, true)
+    }
+
     fn filament_mm2(&self) -> f64 {
         filament_mm2(self.options.filament_mm)
     }

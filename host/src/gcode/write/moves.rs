@@ -6,7 +6,7 @@
 use super::arc_moves::{Arc, MoveEnd, moves_with_arcs};
 use super::dialect::ArcsWritten;
 use super::limits::{AXES, EXTRUDER};
-use super::lines::{LineTolerances, move_ends};
+use super::lines::{EvenHeading, LineTolerances, move_ends};
 use super::poses::Poses;
 use super::{STILL_MM, WriteError, Writer, short};
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
@@ -14,6 +14,10 @@ use std::io::Write;
 
 /// Volume of a bead of 0.1 mm² over 20 µm, mm³.
 const VOLUME_TOLERANCE_MM3: f64 = 0.002;
+/// Shorter moves are not cut where the heading's rate changes, s.
+const EVEN_FROM_S: f64 = 0.004;
+/// Longer moves are cut by length, s.
+const LONG_FROM_S: f64 = 0.025;
 /// Time over which moves are counted, s.
 const WINDOW_S: f64 = 0.5;
 
@@ -30,6 +34,8 @@ impl<W: Write> Writer<'_, W> {
             turn_rad: self.options.dialect.tolerances()[1].to_radians(),
             wrapped: self.options.wrapped,
             volume_mm3: VOLUME_TOLERANCE_MM3,
+            even: self.even_heading(),
+            long_ticks: (LONG_FROM_S * self.servo_hz).round() as usize,
         };
         if all.iter().all(|pose| *pose == all[0]) {
             return Ok(());
@@ -55,6 +61,17 @@ impl<W: Write> Writer<'_, W> {
             from = end.tick;
         }
         Ok(())
+    }
+
+    /// Where the heading follows, a move is told its mean rate, and the rate steps from move to move.
+    fn even_heading(&self) -> EvenHeading {
+        match self.follows {
+            true => EvenHeading {
+                change_rad: self.options.limits.heading_change().to_radians() / self.servo_hz,
+                ticks_min: (EVEN_FROM_S * self.servo_hz).round() as usize,
+            },
+            false => EvenHeading::ANY,
+        }
     }
 
     /// A line: to a pose, with filament up to `e_mm`, which takes seconds and ends at a time.

@@ -214,7 +214,7 @@ fn export_tells_of_missing_heat_and_of_the_controllers_time() {
     let written = export(&["--no-heat", "--json", "-o", path(&out)]);
     let told: serde_json::Value = serde_json::from_str(&succeeded(&written)).expect("JSON");
     let seconds = |key: &str| told[key].as_f64().expect(key);
-    // 1.16 for this short part, half of which is corners.
+    // This short part is half corners.
     assert!(
         (seconds("controller_time_s") / seconds("duration_s") - 1.1).abs() < 0.1,
         "{told}"
@@ -232,7 +232,8 @@ fn export_tells_of_missing_heat_and_of_the_controllers_time() {
     );
     let text = std::fs::read_to_string(&out).expect("text");
     assert!(
-        text.contains("LIMIT_VELOCITY=1080 LIMIT_ACCEL=20000 INSTANTANEOUS_CORNER_VELOCITY=400")
+        text.contains("GCODE_AXIS=C LIMIT_VELOCITY=1080 INSTANTANEOUS_CORNER_VELOCITY=400"),
+        "the heading follows: it has no acceleration of its own"
     );
 }
 

@@ -157,7 +157,9 @@ impl Klipper {
         let mut left = Vec::new();
         let axes = self.registered.iter().map(|i| &self.steppers[*i]);
         left.extend(axes.map(|of| format!("{} is still registered", of.name)));
-        let turns = self.steppers.iter().map(|of| (of, of.position / 360.0));
+        // The next print takes a heading where it stands for its zero; tilts are counted on.
+        let headings = self.steppers.iter().filter(|of| of.name == "heading");
+        let turns = headings.map(|of| (of, of.position / 360.0));
         let off = turns.filter(|(_, turns)| (turns - turns.round()).abs() > 1e-9);
         left.extend(off.map(|(of, turns)| format!("{} stands at {turns} turns", of.name)));
         if self.velocity_limits != before.0 {

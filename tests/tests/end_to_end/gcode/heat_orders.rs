@@ -65,6 +65,27 @@ fn apart_mm(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
 }
 
+/// Goal: what RepRapFirmware switches off by absolute zero is off; colder or hotter is refused. Method: the end of a file.
+#[test]
+fn absolute_zero_is_off() {
+    let end = |order: &str| {
+        let text = file().replace("M104 S0\nM140 S0\n", &format!("{order}\nM140 S-273.15\n"));
+        read(text.as_bytes(), "squares", &GcodeOptions::default())
+    };
+    for order in ["M104 S-273", "G10 P0 S-273 R-273"] {
+        let program = end(order).expect("a file");
+        let last = program.heat.iter().rev().take(3).map(|of| of.order);
+        let expected = [
+            HeatOrder::Fan { fan_pct: 0.0 },
+            HeatOrder::target(BED, 0.0),
+            HeatOrder::target(HOT_END, 0.0),
+        ];
+        assert_eq!(last.collect::<Vec<_>>(), expected, "{order}");
+    }
+    let error = end("M104 S-274").expect_err("colder").to_string();
+    assert!(error.contains("a target of -274"), "{error}");
+}
+
 #[test]
 fn orders_stand_where_the_file_has_them() {
     let (program, planned) = planned();
