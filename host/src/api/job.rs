@@ -1,7 +1,7 @@
 //! A planned job: what it is, what is made of it.
 //!
 //! In: what [`super::plan`] made, or the bytes of a job file. Out: poses, figures, tables, G-code, the file's
-//! bytes, a simulated run. Leaves out pictures: `headway view` makes them of the file.
+//! bytes, a simulated run, the page that draws it.
 
 use super::joints::{JobJoint, JobJoints};
 use super::{Error, JobPose};
@@ -17,6 +17,8 @@ use crate::joint_export::samples;
 use crate::joint_export::tables::JointTable;
 use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_trajectory};
 use crate::pipeline::findings::simulated::{outcome, simulation_figures};
+use crate::pipeline::page::page_of;
+use crate::pipeline::planned::Planned;
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
@@ -250,6 +252,18 @@ impl Job {
         written
             .map(|_| ())
             .map_err(|error| Error::Job(error.to_string()))
+    }
+
+    /// The page of `headway view` as one HTML text that asks for nothing else: it draws, plays and plots the job. As
+    /// from its file: what only planning knows (ground left out, places out of reach) is not on it.
+    pub fn page(&self) -> String {
+        let name = self.name().to_string();
+        let of_file = Planned::of_job(&self.file.header, self.stream.clone(), name);
+        page_of(Planned {
+            figures: self.figures.clone(),
+            notes: self.notes.clone(),
+            ..of_file
+        })
     }
 
     /// Streams it over a simulated line to the firmware library and compares every step with the plan.

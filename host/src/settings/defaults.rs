@@ -162,6 +162,7 @@ impl Settings {
             material: None,
             heaters: None,
             drivers: DriversConfiguration::none(),
+            heading_motor: None,
             switches: None,
             wiring: Wiring::STANDARD,
             board: None,

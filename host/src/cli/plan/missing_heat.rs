@@ -8,7 +8,6 @@
 use crate::cli::reading::job::Job;
 use crate::job::MotionState;
 use crate::job::heat::{BED, HeatEvent, HeatOrder};
-use crate::pipeline::planned::Planned;
 use headway_firmware::configuration::heat::HeaterRole;
 
 /// What is missing; `remedy` is what the user can do here.
@@ -25,30 +24,6 @@ pub(crate) fn missing_heat(job: &Job, events: &[HeatEvent], remedy: &str) -> Opt
             "{}: machine {} has a hot end, and nothing in the job heats it before the first bead: {remedy}, or \
              plan it with a [material] in the machine file; --no-heat takes it as it is",
             job.name, settings.machine_name
-        )
-    })
-}
-
-/// Why a planned job is not to be started as it is: its machine has a hot end that nothing heats.
-pub(crate) fn cold_hot_end(planned: &Planned) -> Option<String> {
-    let settings = &planned.settings;
-    let heaters = &settings.heaters.as_ref()?.heaters;
-    let is_hot_end = |heater: u8| {
-        let heater = heaters.get(usize::from(heater));
-        heater.is_some_and(|heater| heater.role == HeaterRole::HotEnd)
-    };
-    let of_material = settings.material.is_some_and(|of| of.hot_end_c > 0.0);
-    let of_file = planned.heat.iter().any(|event| match event.order {
-        HeatOrder::Heater {
-            heater, celsius, ..
-        } => celsius > 0.0 && is_hot_end(heater),
-        HeatOrder::Fan { .. } => false,
-    });
-    let has_hot_end = heaters.iter().any(|of| of.role == HeaterRole::HotEnd);
-    (has_hot_end && !of_material && !of_file).then(|| {
-        format!(
-            "COLD: machine {} has a hot end, and nothing in the job heats it (a [material] in the machine file does)",
-            settings.machine_name
         )
     })
 }

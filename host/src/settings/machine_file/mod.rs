@@ -269,6 +269,7 @@ impl File {
         Ok(Settings {
             machine_name: self.name.clone(),
             drivers: drivers::drivers(&self.drivers, &machine)?,
+            heading_motor: drivers::heading_motor(&self.drivers, &machine)?,
             switches: self.switches(&machine)?,
             wiring: self.wiring.wiring(&machine)?,
             board: self.board()?,

@@ -61,7 +61,7 @@ fn written(settings: &Settings, with_layers: bool) -> String {
         let _ = write_heaters(&mut text, heaters);
     }
     let _ = write_gcode(&mut text, settings);
-    let _ = write_drivers(&mut text, &settings.drivers, &settings.machine);
+    let _ = write_drivers(&mut text, settings);
     let _ = write_wiring(&mut text, &settings.wiring, &settings.machine);
     if let Some(switches) = &settings.switches {
         let _ = write_switches(&mut text, switches, &settings.machine);

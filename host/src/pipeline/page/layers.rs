@@ -3,10 +3,10 @@
 //! In: a planned job, the layers that have pictures. Out: the page's plain structs, so few points and samples that
 //! the page stays below 15 MB.
 
-use crate::cli::job::pictures::ShownLayer;
 use crate::drive::time_by_limit::limit_at;
 use crate::job::heat::{HEATER_NAMES, HeatOrder, job_events};
 use crate::job::{MotionState, SegmentStream};
+use crate::pipeline::page::pictures::ShownLayer;
 use crate::pipeline::planned::Planned;
 use crate::plan::layers::layer_groups::infills_of_layers;
 use crate::report::layer_path::{PathOf, layer_path};
@@ -23,7 +23,7 @@ const SAMPLES_MAX: u64 = 120_000;
 const POINTS_MAX: [u64; 2] = [700_000, 400_000];
 
 /// The motion of the page's layers.
-pub(crate) struct LayerMotions<'a> {
+pub struct LayerMotions<'a> {
     planned: &'a Planned,
     index: StreamIndex<'a>,
     /// Ticks of all layers that are shown.
@@ -31,7 +31,7 @@ pub(crate) struct LayerMotions<'a> {
 }
 
 impl<'a> LayerMotions<'a> {
-    pub(crate) fn of(planned: &'a Planned, shown: &[ShownLayer]) -> LayerMotions<'a> {
+    pub fn of(planned: &'a Planned, shown: &[ShownLayer]) -> LayerMotions<'a> {
         let stream = &planned.stream;
         let long = |layer: u32| {
             let [from, end] = ticks_of(stream, layer);
@@ -49,7 +49,7 @@ impl<'a> LayerMotions<'a> {
     }
 
     /// Of a layer, with what holds it back.
-    pub(crate) fn motion(&self, layer: u32) -> LayerMotion {
+    pub fn motion(&self, layer: u32) -> LayerMotion {
         let (stream, settings) = (&self.planned.stream, &self.planned.settings);
         let ticks = ticks_of(stream, layer);
         let share = (ticks[1] - ticks[0]) as f64 / self.ticks.max(1) as f64;
@@ -77,7 +77,7 @@ impl<'a> LayerMotions<'a> {
 
     /// Layers that the pictures leave out and that are like none of those shown: a part's, or those of a job
     /// that came without its settings.
-    pub(crate) fn more(&self, shown: &[ShownLayer]) -> Vec<PageLayer<'a>> {
+    pub fn more(&self, shown: &[ShownLayer]) -> Vec<PageLayer<'a>> {
         let planned = self.planned;
         let layers = planned.stream.layers();
         let more = bare_layers(planned, shown).into_iter();
@@ -91,7 +91,7 @@ impl<'a> LayerMotions<'a> {
     }
 
     /// What the page is told of the whole job.
-    pub(crate) fn facts(&self, shown: &[ShownLayer]) -> PageFacts {
+    pub fn facts(&self, shown: &[ShownLayer]) -> PageFacts {
         let planned = self.planned;
         let (settings, stream) = (&planned.settings, &planned.stream);
         let servo_hz = f64::from(settings.machine.servo_hz);
@@ -153,7 +153,7 @@ impl<'a> LayerMotions<'a> {
 }
 
 /// The layers of the page in its order, and for each layer of the job which of them shows it.
-pub(crate) fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>, Vec<usize>) {
+pub fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>, Vec<usize>) {
     let mut of_page: Vec<u32> = shown.iter().map(|shown| shown.layer).collect();
     of_page.extend(bare_layers(planned, shown));
     let kinds = kinds_of_layers(planned);
@@ -170,7 +170,7 @@ pub(crate) fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>,
 
 /// For each layer the number of its kind; none where all layers differ, as those of a slicer's file do, which has no
 /// outline.
-pub(crate) fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
+pub fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
     match planned.outline.is_empty() {
         true => Vec::new(),
         false => infills_of_layers(&planned.settings).1,
