@@ -46,7 +46,7 @@ struct Row {
     print_s: Option<f64>,
     /// Boundary that cannot be touched, mm.
     unreachable_mm: Option<f64>,
-    /// Ground that is to be filled and stays open, mm².
+    /// Ground that is to be filled and stays open, over all layers, mm².
     open_mm2: Option<f64>,
     flow_interruptions: Option<u64>,
     /// By --density, the machine file's `[material]`, or the density of PLA.
@@ -204,13 +204,15 @@ fn density(args: &CompareArgs, planned: &Planned) -> f64 {
     args.density.or(of_material).unwrap_or(PLA_G_CM3)
 }
 
-/// Ground that nothing covers but should.
+/// Ground that nothing covers but should, over all layers; `area_mm2` is that of one.
 fn open_mm2(figures: &Figures) -> Option<f64> {
-    let area_mm2 = figures.area_mm2?;
-    let open_mm2 = area_mm2 * (100.0 - figures.covered_pct?) / 100.0;
-    let sparse = figures.infill_mm2.zip(figures.infill_covered_pct);
-    let sparse_mm2 = sparse.map_or(0.0, |(mm2, pct)| mm2 * (100.0 - pct) / 100.0);
-    Some((open_mm2 - sparse_mm2).max(0.0))
+    let all_mm2 = figures.area_mm2? * figures.layers.unwrap_or(1) as f64;
+    let sparse = figures.sparse_mm2.zip(figures.solid_covered_pct);
+    let (solid_mm2, covered_pct) = match sparse {
+        Some((sparse_mm2, covered_pct)) => (all_mm2 - sparse_mm2, covered_pct),
+        None => (all_mm2, figures.covered_pct?),
+    };
+    Some((solid_mm2 * (100.0 - covered_pct) / 100.0).max(0.0))
 }
 
 fn layer_picture(aperture: &str, planned: &Planned) -> String {

@@ -37,8 +37,8 @@ pub fn to_new_toml(settings: &Settings) -> String {
 
 /// No temperature is right for every machine.
 const MATERIAL_TO_FILL_IN: &str = "
-# What is printed. Without it no job heats, and `export --to gcode` and boards with a hot end refuse it;
-# hot_end_c = 0 is printed cold.
+# What is printed. Without it no job heats, and `export --to gcode` and boards with a hot end refuse it.
+# A material that is printed cold has a hot_end_c of 0.
 # [material]
 # hot_end_c = 215
 # bed_c = 60
