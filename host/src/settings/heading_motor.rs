@@ -1,9 +1,10 @@
 //! What the motor of the heading joint can do, from what a data sheet says of it.
 //!
-//! In: torque, inertias and gear ratio of `[drivers.c]`. Out: the greatest speed and acceleration of the nozzle's turn. With i
-//! turns of the motor for one of the nozzle, the load J and the rotor M turn together: at the nozzle, the torque is T i and the
-//! inertia J + M i², so that the acceleration is T i / (J + M i²), and the speed is the motor's divided by i. Leaves out friction,
-//! which the torque that is given has to be reduced by, and the fall of the torque with the speed: give the torque at top speed.
+//! In: torque, inertias and gear ratio of `[drivers.c]`. Out: the greatest speed and acceleration of the nozzle's turn.
+//! With i turns of the motor for one of the nozzle, the load J and the rotor M turn together: at the nozzle, the torque is
+//! T i and the inertia J + M i², so that the acceleration is T i / (J + M i²), and the speed is the motor's divided by i.
+//! Leaves out friction, which the torque that is given has to be reduced by, and the fall of the torque with the speed:
+//! give the torque at top speed.
 
 use super::Settings;
 use super::check::in_range;
