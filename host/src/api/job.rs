@@ -16,6 +16,7 @@ use crate::job::file::{self, JobFile};
 use crate::joint_export::samples;
 use crate::joint_export::tables::JointTable;
 use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_trajectory};
+use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::findings::simulated::{outcome, simulation_figures};
 use crate::pipeline::page::page_of;
 use crate::pipeline::planned::Planned;
@@ -63,8 +64,9 @@ impl Job {
             machine_name: header.machine_name.clone(),
             ..settings.unwrap_or_default()
         };
+        let figures = serde_json::from_str(&header.figures_json).unwrap_or_default();
         Ok(Job {
-            figures: serde_json::from_str(&header.figures_json).unwrap_or_default(),
+            figures: with_verdict(figures, &file, &settings),
             notes: Vec::new(),
             bytes,
             stream,
@@ -79,10 +81,11 @@ impl Job {
         figures: Figures,
         notes: Vec<String>,
     ) -> Result<Job, Error> {
+        let job = Job::from_bytes(bytes)?;
         Ok(Job {
-            figures,
+            figures: with_verdict(figures, &job.file, &job.settings),
             notes,
-            ..Job::from_bytes(bytes)?
+            ..job
         })
     }
 
@@ -289,8 +292,9 @@ impl Job {
         let run = run.map_err(|error| job_error(error.to_string()))?;
         let transform = &self.file.header.transform;
         let figures = simulation_figures(&run, &self.stream, transform, &self.settings);
+        let figures = self.figures.clone().merged_with(&figures);
         Ok(Simulation {
-            figures: self.figures.clone().merged_with(&figures),
+            figures: with_verdict(figures, &self.file, &self.settings),
             outcome: outcome(&run),
         })
     }
@@ -331,6 +335,18 @@ impl Simulation {
     pub fn check(&self) -> Result<(), Error> {
         self.outcome.clone().map_err(Error::Job)
     }
+}
+
+/// The figures with the verdict that they make, as the command's have it.
+fn with_verdict(figures: Figures, file: &JobFile, settings: &Settings) -> Figures {
+    let mut planned = Planned {
+        figures,
+        settings: settings.clone(),
+        heat: file.header.heat(),
+        ..Planned::default()
+    };
+    settle(&mut planned);
+    planned.figures
 }
 
 fn number(figures: &Figures, key: &str) -> Option<f64> {
