@@ -296,7 +296,8 @@ mod tests {
     use crate::settings::Settings;
     use crate::settings::drivers::{EXTRUDER, motor_names};
 
-    const MOTOR: &str = "torque_nm = 0.15\nrotor_inertia_g_cm2 = 20\nload_inertia_g_cm2 = 180\ngear_ratio = 3\nmotor_speed_max_rpm = 900\n";
+    const MOTOR: &str = "torque_nm = 0.15\nrotor_inertia_g_cm2 = 20\nload_inertia_g_cm2 = 180\n\
+                         gear_ratio = 3\nmotor_speed_max_rpm = 900\n";
     const X: &str = "[drivers.x]\nrun_ma = 800\nmicrosteps = 16\nfull_steps_per_mm = 5\n";
 
     #[test]
