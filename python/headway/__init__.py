@@ -12,9 +12,13 @@ where and what helps.
 
 from __future__ import annotations
 
+import html
 import importlib
 import json
 import os
+import pathlib
+import tempfile
+import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Optional, Union
 
@@ -92,6 +96,9 @@ Machine = Union[str, "os.PathLike[str]", Mapping[str, Any]]
 #: Called with the stage's name, the steps of it done and the steps of it in all; what it raises stops.
 Progress = Callable[[str, int, int], Any]
 _Rings = list[list[tuple[float, float]]]
+#: A notebook keeps what its cells show: of larger pages it is given the verdict.
+_INLINE_BYTES_MAX = 4_000_000
+_INLINE_HEIGHT_PX = 900
 
 
 class Job:
@@ -131,10 +138,11 @@ class Job:
     def poses(self, every_ms: float = 1.0) -> dict[str, npt.NDArray[Any]]:
         """The poses at even steps of time, a column for each quantity.
 
-        ``time_s``, ``layer`` (from 0), ``pass`` (from 0, -1 off the passes), ``x_mm``, ``y_mm``, ``z_mm``
+        ``t_s``, ``layer`` (from 0), ``pass`` (from 0, -1 off the passes), ``x_mm``, ``y_mm``, ``z_mm``
         (the tip), ``nx``, ``ny``, ``nz`` (unit vector of the tool axis, the tilt), ``heading_rad``
-        (about it, counter-clockwise, unwrapped), ``width_mm`` (of the bead; NaN where nothing is
-        printed), ``speed_mm_s``, ``flow_mm3_s``, ``state`` (a number into :data:`STATES`).
+        (about it, counter-clockwise, unwrapped), ``speed_mm_s``, ``flow_mm3_s``, ``state`` (a number into
+        :data:`STATES`), as in the table of ``headway export --to csv``, and ``width_mm`` (of the bead; NaN where
+        nothing is printed).
         """
         columns: dict[str, npt.NDArray[Any]] = {
             name: np.frombuffer(doubles, dtype=np.float64)
@@ -198,6 +206,38 @@ class Job:
         ax.set_aspect("equal")
         ax.set_title(f"{self.name}, layer {layer + 1}")
         return ax
+
+    def page(self) -> str:
+        """The page of ``headway view`` as one HTML text that asks for nothing else."""
+        return self._native.page()
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the page in a frame, or where it is larger than 4 MB, its verdict.
+
+        The frame is sandboxed: its scripts can neither reach the notebook nor the network.
+        """
+        page = self.page()
+        if len(page) > _INLINE_BYTES_MAX:
+            verdict = page.partition('<p class="verdict">')[2].partition("</p>")[0]
+            name = html.escape(self.name)
+            return (
+                f"<p><b>{name}</b>: {verdict}</p><p>Its page has {len(page) / 1e6:.0f} MB: <code>job.show()</code> opens "
+                "it beside the notebook.</p>"
+            )
+        return (
+            f'<iframe title="{html.escape(self.name)}" sandbox="allow-scripts" srcdoc="{html.escape(page)}" '
+            f'style="width:100%;height:{_INLINE_HEIGHT_PX}px;border:0"></iframe>'
+        )
+
+    def show(self, path: Optional[PathLike] = None) -> str:
+        """Writes the page, to a temporary file where no path is given, opens it in the browser and returns its path."""
+        if path is None:
+            handle, path = tempfile.mkstemp(prefix="headway-", suffix=".html")
+            os.close(handle)
+        path = os.path.abspath(os.fspath(path))
+        _write(path, self.page().encode())
+        webbrowser.open(pathlib.Path(path).as_uri())
+        return path
 
     def simulate(self, link: str = "", seed: int = 1) -> dict[str, Any]:
         """Streams it over a simulated line to the firmware library; figures of plan and run.

@@ -121,9 +121,9 @@ impl Part {
 #[pyclass(frozen, module = "headway._headway")]
 struct Job(api::Job);
 
-/// Columns of the poses, in the order of [`Job::columns`].
+/// Columns of the poses, in the order of [`Job::columns`]: those of the command's table, and the width behind them.
 const COLUMNS: [&str; 14] = [
-    "time_s",
+    "t_s",
     "layer",
     "pass",
     "x_mm",
@@ -133,10 +133,10 @@ const COLUMNS: [&str; 14] = [
     "ny",
     "nz",
     "heading_rad",
-    "width_mm",
     "speed_mm_s",
     "flow_mm3_s",
     "state",
+    "width_mm",
 ];
 
 /// Number of a state, as its place in `headway.STATES`.
@@ -255,6 +255,11 @@ impl Job {
         Ok(PyBytes::new(py, &text))
     }
 
+    /// The page of `headway view`.
+    fn page(&self, py: Python<'_>) -> String {
+        py.detach(|| self.0.page())
+    }
+
     /// The figures, and what went wrong if anything did.
     fn simulate(
         &self,
@@ -287,10 +292,10 @@ fn columns(job: &api::Job, every_s: f64) -> Result<[Vec<u8>; 14], Error> {
             ny,
             nz,
             pose.heading_rad,
-            pose.width_mm.unwrap_or(f64::NAN),
             pose.speed_mm_s,
             pose.flow_mm3_s,
             state_number(pose.state),
+            pose.width_mm.unwrap_or(f64::NAN),
         ];
         for (column, value) in columns.iter_mut().zip(row) {
             column.extend(value.to_ne_bytes());

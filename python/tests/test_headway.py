@@ -6,6 +6,7 @@ skip, unless HEADWAY_DEMAND_COMMAND is set.
 """
 
 import copy
+import html.parser
 import math
 import os
 import pathlib
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+import webbrowser
 import _thread
 
 import numpy as np
@@ -80,7 +82,7 @@ def test_joints_are_those_of_the_command_and_make_the_poses(job, tmp_path):
     assert [of["name"] for of in job.machine_joints] == ["x", "y", "z", "c"]
     assert [of["unit"] for of in job.machine_joints] == ["mm", "mm", "mm", "rad"]
     # On this machine joints are the pose itself, moved to where the part lies on the bed.
-    rows = len(poses["time_s"])
+    rows = len(poses["t_s"])
     for axis in "xyz":
         offset = joints[f"joint_{axis}_mm"][:rows] - poses[f"{axis}_mm"]
         assert np.ptp(offset) < 1e-9
@@ -167,6 +169,80 @@ def test_a_plot_covers_the_part(frame, job):
     assert ground.difference(frame.buffer(0.05)).area < 0.05
 
 
+def test_columns_are_those_of_the_tables(job, tmp_path):
+    job.write_csv(tmp_path / "poses.csv", every_ms=5)
+    job.write_joints_csv(tmp_path / "joints.csv", every_ms=5)
+    for table, columns in [("poses", job.poses(every_ms=5)), ("joints", job.joints(every_ms=5))]:
+        head, *rows = (tmp_path / f"{table}.csv").read_text().splitlines()
+        named = head.split(",")
+        assert list(columns)[: len(named)] == named
+        # One number a cell, the same one to the digits that the table has; the state is a word there.
+        numbers = [name for name in named if name != "state"]
+        cells = np.array([[float(row.split(",")[named.index(name)]) for name in numbers] for row in rows])
+        assert len(cells) == len(columns["t_s"])
+        ours = np.column_stack([columns[name] for name in numbers])
+        scale = np.maximum(np.abs(cells).max(axis=0), 1)
+        assert (np.abs(ours - cells) / scale).max() < 1e-4
+    assert set(job.poses()) - set(named) >= {"width_mm"}
+
+
+def test_a_notebook_shows_the_page(job, tmp_path, monkeypatch):
+    page = job.page()
+    assert page.startswith("<!DOCTYPE html>") and "Content-Security-Policy" in page
+    # No file lies beside it, and nothing is asked for.
+    assert "report.json" not in page and "src=" not in page
+    shown = job._repr_html_()
+    frame = html.parser.HTMLParser()
+    frames = []
+    frame.handle_starttag = lambda tag, attributes: frames.append((tag, dict(attributes)))
+    frame.feed(shown)
+    [(tag, attributes)] = frames
+    assert tag == "iframe" and attributes["sandbox"] == "allow-scripts"
+    assert attributes["srcdoc"] == page
+    monkeypatch.setattr(headway, "_INLINE_BYTES_MAX", 1000)
+    short = job._repr_html_()
+    assert len(short) < 1000 and "job.show()" in short and "Takes " in short
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    path = tmp_path / "a page.html"
+    assert job.show(path) == str(path) and path.read_text() == page
+    temporary = pathlib.Path(job.show())
+    assert temporary.read_text() == page
+    temporary.unlink()
+    assert opened == [path.as_uri(), temporary.as_uri()]
+
+
+def test_the_page_is_that_of_the_command(job, tmp_path):
+    """But for the list of files beside it, which a page by itself has not."""
+    job.write(tmp_path / "frame.hwj")
+    again = headway.read_job(tmp_path / "frame.hwj").page()
+    report = tmp_path / "report"
+    view = [command(), "view", str(tmp_path / "frame.hwj"), "--no-open", "--report", str(report)]
+    subprocess.run(view, check=True, capture_output=True)
+    theirs = (report / "index.html").read_text()
+    files = theirs[theirs.index('<section class="card" aria-label="Files">') :]
+    files = files[: files.index("</section>") + len("</section>")]
+    assert again == theirs.replace(files, "")
+
+
+def test_the_frame_draws_in_a_browser(job, tmp_path):
+    """The page works inside of its sandbox: the frame has more colours than a page that failed."""
+    browser = os.environ.get("CHROMIUM", "/usr/bin/chromium")
+    image = pytest.importorskip("matplotlib.image")
+    if not os.path.exists(browser):
+        assert "HEADWAY_DEMAND_BROWSER" not in os.environ, f"{browser} is missing"
+        pytest.skip(f"{browser} is missing")
+    (tmp_path / "notebook.html").write_text(f"<!DOCTYPE html><body>{job._repr_html_()}</body>")
+    picture = tmp_path / "picture.png"
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--window-size=1200,1000", "--timeout=8000"]
+    look = [browser, *options, f"--screenshot={picture}", (tmp_path / "notebook.html").as_uri()]
+    subprocess.run(look, check=True, capture_output=True, timeout=60, cwd=tmp_path)
+    pixels = image.imread(picture)[..., :3]
+    coloured = (pixels.max(axis=2) - pixels.min(axis=2) > 0.25).mean()
+    # The layer is drawn by the script alone: a tenth of the window, in strong colours.
+    assert coloured > 0.05, coloured
+
+
 def test_a_type_checker_finds_a_misspelt_option(tmp_path):
     api = pytest.importorskip("mypy.api")
     file = tmp_path / "user.py"
@@ -177,8 +253,8 @@ def test_a_type_checker_finds_a_misspelt_option(tmp_path):
 
 def test_poses_are_the_figures(job):
     poses = job.poses(every_ms=1)
-    assert {len(column) for column in poses.values()} == {len(poses["time_s"])}
-    assert poses["time_s"][-1] == pytest.approx(job.duration_s, abs=1.1e-3)
+    assert {len(column) for column in poses.values()} == {len(poses["t_s"])}
+    assert poses["t_s"][-1] == pytest.approx(job.duration_s, abs=1.1e-3)
     volume_mm3 = poses["flow_mm3_s"].sum() * 1e-3
     assert volume_mm3 == pytest.approx(job.figures["volume_mm3"], rel=0.01)
     width_mm = poses["width_mm"]

@@ -1,7 +1,7 @@
 //! A planned job: its contents, and what can be made from it.
 //!
-//! In: the result of [`super::plan`], or the bytes of a job file. Out: poses, figures, tables, G-code, the
-//! file's bytes, a simulation. Pictures are not covered: `headway view` draws them from the file.
+//! In: what [`super::plan`] made, or the bytes of a job file. Out: poses, figures, tables, G-code, the file's
+//! bytes, a simulated run, the page that draws it.
 
 use super::joints::{JobJoint, JobJoints};
 use super::{Error, JobPose};
@@ -16,7 +16,10 @@ use crate::job::file::{self, JobFile};
 use crate::joint_export::samples;
 use crate::joint_export::tables::JointTable;
 use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_trajectory};
+use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::findings::simulated::{outcome, simulation_figures};
+use crate::pipeline::page::page_of;
+use crate::pipeline::planned::Planned;
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
@@ -61,8 +64,9 @@ impl Job {
             machine_name: header.machine_name.clone(),
             ..settings.unwrap_or_default()
         };
+        let figures = serde_json::from_str(&header.figures_json).unwrap_or_default();
         Ok(Job {
-            figures: serde_json::from_str(&header.figures_json).unwrap_or_default(),
+            figures: with_verdict(figures, &file, &settings),
             notes: Vec::new(),
             bytes,
             stream,
@@ -77,10 +81,11 @@ impl Job {
         figures: Figures,
         notes: Vec<String>,
     ) -> Result<Job, Error> {
+        let job = Job::from_bytes(bytes)?;
         Ok(Job {
-            figures,
+            figures: with_verdict(figures, &job.file, &job.settings),
             notes,
-            ..Job::from_bytes(bytes)?
+            ..job
         })
     }
 
@@ -252,6 +257,18 @@ impl Job {
             .map_err(|error| Error::Job(error.to_string()))
     }
 
+    /// The page of `headway view` as one HTML text that asks for nothing else: it draws, plays and plots the job. As
+    /// from its file: what only planning knows (ground left out, places out of reach) is not on it.
+    pub fn page(&self) -> String {
+        let name = self.name().to_string();
+        let of_file = Planned::of_job(&self.file.header, self.stream.clone(), name);
+        page_of(Planned {
+            figures: self.figures.clone(),
+            notes: self.notes.clone(),
+            ..of_file
+        })
+    }
+
     /// Streams it over a simulated line to the firmware library and compares every step with the plan.
     /// `link` are the line's faults as in `headway simulate --link` (none: an empty text), `seed` fixes
     /// every random choice.
@@ -276,8 +293,9 @@ impl Job {
         let run = run.map_err(|error| job_error(error.to_string()))?;
         let transform = &self.file.header.transform;
         let figures = simulation_figures(&run, &self.stream, transform, &self.settings);
+        let figures = self.figures.clone().merged_with(&figures);
         Ok(Simulation {
-            figures: self.figures.clone().merged_with(&figures),
+            figures: with_verdict(figures, &self.file, &self.settings),
             outcome: outcome(&run),
         })
     }
@@ -318,6 +336,18 @@ impl Simulation {
     pub fn check(&self) -> Result<(), Error> {
         self.outcome.clone().map_err(Error::Job)
     }
+}
+
+/// The figures with the verdict that they make, as the command's have it.
+fn with_verdict(figures: Figures, file: &JobFile, settings: &Settings) -> Figures {
+    let mut planned = Planned {
+        figures,
+        settings: settings.clone(),
+        heat: file.header.heat(),
+        ..Planned::default()
+    };
+    settle(&mut planned);
+    planned.figures
 }
 
 fn number(figures: &Figures, key: &str) -> Option<f64> {

@@ -318,6 +318,7 @@ fn packed(planned: Planned, mut packing: Packing) -> Result<Job, Error> {
         transform,
         figures: &figures,
         heat: &planned.heat,
+        pass_facts: &planned.pass_facts,
     };
     let header = job_header(&facts, packed.frames.facts.clone());
     let mut bytes = Vec::new();

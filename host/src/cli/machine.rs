@@ -89,7 +89,21 @@ fn summary_json(settings: &Settings) -> serde_json::Value {
         "step_hz": settings.machine.step_hz,
         "motors": motors,
         "free_tilt_deg": settings.head.as_ref().map(|head| head.free_tilt_rad().to_degrees()),
+        "heading_motor": heading_motor_json(settings),
         "shapers": shaper_figures(&settings.machine),
+    })
+}
+
+/// What the motor of the heading joint reaches at the nozzle.
+fn heading_motor_json(settings: &Settings) -> serde_json::Value {
+    let Some(motor) = &settings.heading_motor else {
+        return serde_json::Value::Null;
+    };
+    json!({
+        "speed_max_deg_s": motor.speed_max_rad_s().map(f64::to_degrees),
+        "acceleration_max_deg_s2": motor.acceleration_max_rad_s2().to_degrees(),
+        "gear_ratio": motor.gear_ratio,
+        "fastest_gear_ratio": motor.fastest_ratio(),
     })
 }
 
@@ -165,6 +179,9 @@ fn summary_text(settings: &Settings) -> String {
         text += &format!(
             "  {motor:10} {rate_hz:8.0} steps/s at its top speed, {share_pct:4.1} % of the step tick\n"
         );
+    }
+    if let Some((motor, _)) = settings.heading_motor_text() {
+        text += &format!("  {motor}\n");
     }
     if let Some(head) = &settings.head {
         text += &format!(

@@ -22,6 +22,7 @@ pub mod mesh;
 pub mod open_ground;
 mod outline;
 pub mod packing;
+pub mod page;
 pub mod pass_facts;
 pub mod piece;
 mod placed_passes;

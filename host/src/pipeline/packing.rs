@@ -15,9 +15,11 @@ use crate::job::heat::{self, HEAT_TEXT, HeatEvent, job_events};
 use crate::job::spool::{JobSpool, SpoolError, SpooledJob};
 use crate::job::transform::PartTransform;
 use crate::pipeline::findings::time_figures;
+use crate::pipeline::pass_facts::PassFacts;
 use crate::report::figures::Figures;
 use crate::report::job_texts::{
-    LAYER_OUTLINES_TEXT, LayerOutlines, NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_to_json,
+    LAYER_OUTLINES_TEXT, LayerOutlines, NAME_TEXT, OUTLINE_TEXT, PASS_KINDS_TEXT, SETTINGS_TEXT,
+    outline_to_json,
 };
 use crate::settings::{Settings, machine_file};
 use std::io::{Read, Seek, Write};
@@ -59,6 +61,8 @@ pub struct JobFacts<'a> {
     pub figures: &'a Figures,
     /// Heater and fan commands of its file.
     pub heat: &'a [HeatEvent],
+    /// What is known of its passes.
+    pub pass_facts: &'a PassFacts,
 }
 
 impl<F: Read + Write + Seek> JobPacking<F> {
@@ -161,6 +165,9 @@ pub fn job_header(job: &JobFacts, stream: StreamFacts) -> JobHeader {
     if !job.layer_outlines.is_empty() {
         let text = job.layer_outlines.to_json();
         header.texts.insert(LAYER_OUTLINES_TEXT.to_string(), text);
+    }
+    if let Some(text) = job.pass_facts.text() {
+        header.texts.insert(PASS_KINDS_TEXT.to_string(), text);
     }
     if !heat.is_empty() {
         let text = heat::to_json(&heat);

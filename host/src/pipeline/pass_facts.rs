@@ -1,7 +1,7 @@
 //! Data of a job's passes in addition to their motion: the kind of bead, the line of the file that it follows.
 //!
-//! In: a plan's curves, the kinds of a part's passes, or the passes of a slicer's file. Out: a closure that
-//! gives both for every point of the path, in order.
+//! In: a plan's curves, the kinds of a part's passes, the passes of a slicer's file, or the text that a job file has of
+//! them. Out: a closure that says both of every point of the path, in order, and that text.
 
 use crate::gcode::{BeadKind, GcodePass, Leg};
 use crate::job::{Mark, MotionState};
@@ -12,6 +12,16 @@ use nalgebra::Vector3;
 /// How much farther along a file's pass a point may be than it is from the point before, mm: what corners are rounded
 /// by. A loop that is closed ends where it begins; the end is not considered too early.
 const AHEAD_MM: f64 = 0.5;
+/// Kinds of passes as a job file has them.
+const LETTERS: [(char, What); 6] = [
+    ('w', What::Wall),
+    ('f', What::Solid),
+    ('s', What::Sparse),
+    ('b', What::Bridge),
+    ('k', What::Skirt),
+    ('u', What::Support),
+];
+const UNKNOWN_LETTER: char = '-';
 
 /// How far a file's pass was followed.
 #[derive(Clone, Copy, Debug)]
@@ -26,11 +36,11 @@ struct Followed {
 /// Of a job.
 #[derive(Clone, Debug, Default)]
 pub enum PassFacts {
-    /// Nothing: the job came from a job file.
+    /// Nothing: the job came from a file without them.
     #[default]
     Unknown,
     /// By the number of the pass.
-    Kinds(Vec<Use>),
+    Kinds(Vec<What>),
     /// Of a slicer's file.
     File(FilePasses),
 }
@@ -53,6 +63,50 @@ impl PassFacts {
         }
     }
 
+    /// Of a plan's passes in their order.
+    pub fn of_uses(uses: &[Use]) -> PassFacts {
+        let what = |used: &Use| match used {
+            Use::Walls => What::Wall,
+            Use::Solid => What::Solid,
+            Use::Sparse => What::Sparse,
+            Use::Bridge => What::Bridge,
+            Use::Skirt => What::Skirt,
+            Use::Travel | Use::Standing => What::Bead,
+        };
+        PassFacts::Kinds(uses.iter().map(what).collect())
+    }
+
+    /// What a job file has of them: a letter for each pass, of a slicer's file that of its first line. `None` where nothing
+    /// is known.
+    pub fn text(&self) -> Option<String> {
+        let letter = |what: What| {
+            let known = LETTERS.iter().find(|(_, of)| *of == what);
+            known.map_or(UNKNOWN_LETTER, |(letter, _)| *letter)
+        };
+        let text: String = match self {
+            PassFacts::Unknown => return None,
+            PassFacts::Kinds(kinds) => kinds.iter().map(|kind| letter(*kind)).collect(),
+            PassFacts::File(file) => {
+                let passes = file.of_job.iter().map(|&number| file.passes.get(number));
+                let first = passes.map(|pass| pass.and_then(|pass| pass.legs.first()));
+                first
+                    .map(|leg| letter(leg.map_or(What::Bead, what)))
+                    .collect()
+            }
+        };
+        let is_known = text.contains(|letter| letter != UNKNOWN_LETTER);
+        is_known.then_some(text)
+    }
+
+    /// What [`PassFacts::text`] wrote; another letter is a bead of which no more is known.
+    pub fn of_text(text: &str) -> PassFacts {
+        let what = |letter: char| {
+            let known = LETTERS.iter().find(|(of, _)| *of == letter);
+            known.map_or(What::Bead, |(_, what)| *what)
+        };
+        PassFacts::Kinds(text.chars().map(what).collect())
+    }
+
     /// What the head does from a point on, and its line.
     pub fn follow(&self) -> impl FnMut(&Mark, &PathPoint) -> (What, u32) + '_ {
         let mut at = None;
@@ -69,15 +123,8 @@ impl PassFacts {
         let PassFacts::Kinds(kinds) = self else {
             return What::Bead;
         };
-        let used = pass.and_then(|pass| kinds.get(pass as usize));
-        match used {
-            Some(Use::Walls) => What::Wall,
-            Some(Use::Solid) => What::Solid,
-            Some(Use::Sparse) => What::Sparse,
-            Some(Use::Bridge) => What::Bridge,
-            Some(Use::Skirt) => What::Skirt,
-            Some(Use::Travel | Use::Standing) | None => What::Bead,
-        }
+        let kind = pass.and_then(|pass| kinds.get(pass as usize));
+        kind.copied().unwrap_or(What::Bead)
     }
 }
 
@@ -150,5 +197,37 @@ fn what(leg: &Leg) -> What {
         BeadKind::Skirt => What::Skirt,
         BeadKind::Support => What::Support,
         BeadKind::Unknown => What::Bead,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{PassFacts, What};
+    use crate::pipeline::layer_uses::Use;
+
+    /// Goal: a job file says of its passes what the plan knew, and unknown letters are no more than beads. Method: one of each
+    /// kind there and back.
+    #[test]
+    fn kinds_come_back() {
+        let uses = [Use::Walls, Use::Solid, Use::Sparse, Use::Bridge, Use::Skirt];
+        let text = PassFacts::of_uses(&uses).text().expect("kinds");
+        assert_eq!(text, "wfsbk");
+        let PassFacts::Kinds(kinds) = PassFacts::of_text(&format!("{text}u?-")) else {
+            panic!("kinds");
+        };
+        let [wall, solid, sparse, bridge, skirt, support, other, unknown] = kinds[..] else {
+            panic!("one a letter: {kinds:?}");
+        };
+        assert_eq!(
+            [wall, solid, sparse],
+            [What::Wall, What::Solid, What::Sparse]
+        );
+        assert_eq!(
+            [bridge, skirt, support],
+            [What::Bridge, What::Skirt, What::Support]
+        );
+        assert_eq!([other, unknown], [What::Bead; 2]);
+        assert_eq!(PassFacts::Unknown.text(), None);
+        assert_eq!(PassFacts::of_text("--").text(), None);
     }
 }

@@ -17,14 +17,18 @@ use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::Region;
 use crate::input::Target;
 use crate::job::SegmentStream;
+use crate::job::file::JobHeader;
 use crate::job::heat::HeatEvent;
 use crate::job::transform::PartTransform;
 use crate::mesh::layers::SlicedPart;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
 use crate::report::figures::Figures;
-use crate::report::job_texts::LayerOutlines;
-use crate::settings::Settings;
+use crate::report::job_texts::{
+    LAYER_OUTLINES_TEXT, LayerOutlines, OUTLINE_TEXT, PASS_KINDS_TEXT, SETTINGS_TEXT,
+    outline_from_json,
+};
+use crate::settings::{Settings, machine_file};
 use headway_firmware::configuration::JointConfiguration;
 
 /// A job and its data.
@@ -103,7 +107,7 @@ impl Planned {
             outline: regions,
             transform: plan.transform,
             stream: plan.stream.clone(),
-            pass_facts: PassFacts::Kinds(pass_uses(&plan)),
+            pass_facts: PassFacts::of_uses(&pass_uses(&plan)),
             plan: Some(Box::new(plan)),
             ..Planned::found(found, name, notes, settings)
         }
@@ -162,8 +166,33 @@ impl Planned {
             layer_outlines: LayerOutlines::of(numbered),
             transform: planned.transform,
             stream: laid.stream,
-            pass_facts: PassFacts::Kinds(planned.printed.pass_uses),
+            pass_facts: PassFacts::of_uses(&planned.printed.pass_uses),
             ..Planned::found(found, name, notes, settings)
+        }
+    }
+
+    /// What a job file knows: its header, and its stream unpacked.
+    pub fn of_job(header: &JobHeader, stream: SegmentStream, name: String) -> Planned {
+        let text = |key: &str| header.texts.get(key).map(String::as_str);
+        let settings = text(SETTINGS_TEXT).and_then(|text| machine_file::from_toml(text).ok());
+        let outlines = text(LAYER_OUTLINES_TEXT).and_then(LayerOutlines::from_json);
+        Planned {
+            figures: serde_json::from_str(&header.figures_json).unwrap_or_default(),
+            name,
+            outline: text(OUTLINE_TEXT)
+                .and_then(outline_from_json)
+                .unwrap_or_default(),
+            layer_outlines: outlines.unwrap_or_default(),
+            settings: Settings {
+                machine: header.machine.clone(),
+                machine_name: header.machine_name.clone(),
+                ..settings.unwrap_or_default()
+            },
+            transform: header.transform,
+            heat: header.heat(),
+            pass_facts: text(PASS_KINDS_TEXT).map_or(PassFacts::Unknown, PassFacts::of_text),
+            stream,
+            ..Planned::default()
         }
     }
 

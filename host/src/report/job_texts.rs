@@ -16,7 +16,10 @@ pub const NAME_TEXT: &str = "name";
 /// Key of the outlines of a part's layers among a job's texts.
 pub const LAYER_OUTLINES_TEXT: &str = "layer_outlines";
 
-/// Longest text of the outlines of layers, bytes: those of layers beyond it are omitted.
+/// Key of the kinds of the passes, a letter each, among a job's texts.
+pub const PASS_KINDS_TEXT: &str = "pass_kinds";
+
+/// Longest text of the outlines of layers, bytes: those of layers beyond it are left out.
 const LAYER_OUTLINES_MAX: usize = 1 << 20;
 
 /// The outlines of a part whose layers differ.

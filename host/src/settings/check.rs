@@ -310,6 +310,7 @@ impl Settings {
         let wrong = self.heaters.as_ref().and_then(wrong_heater);
         wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))?;
         check_drivers(&self.drivers, &self.machine)?;
+        self.check_heading_motor()?;
         self.check_switches()?;
         self.check_probe()?;
         self.check_wiring()

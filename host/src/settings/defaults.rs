@@ -46,6 +46,16 @@ impl Default for Settings {
     }
 }
 
+/// 0.6 mm of 1.75 mm filament.
+const PRIME_RETRACT: PrimeRetract = PrimeRetract {
+    retract_mm3: 1.5,
+    retract_rate_mm3_s: 30.0,
+    retract_lead_s: 0.02,
+    prime_mm3: 1.5,
+    prime_rate_mm3_s: 30.0,
+    prime_lead_s: 0.02,
+};
+
 impl Settings {
     /// X Y Z and a nozzle that turns without a stop.
     pub fn planar() -> Settings {
@@ -122,15 +132,7 @@ impl Settings {
             flow_max_mm3_s: 40.0,
             // The widest bead at full tip acceleration asks for 720 mm³/s², turning for more.
             flow_rate_of_change_max_mm3_s2: 2000.0,
-            prime_retract: PrimeRetract {
-                // 0.6 mm of 1.75 mm filament.
-                retract_mm3: 1.5,
-                retract_rate_mm3_s: 30.0,
-                retract_lead_s: 0.02,
-                prime_mm3: 1.5,
-                prime_rate_mm3_s: 30.0,
-                prime_lead_s: 0.02,
-            },
+            prime_retract: PRIME_RETRACT,
             plan_share: 0.95,
             overlap_pct: 0.0,
             pass_mode: PassMode::Two,
@@ -162,6 +164,7 @@ impl Settings {
             material: None,
             heaters: None,
             drivers: DriversConfiguration::none(),
+            heading_motor: None,
             switches: None,
             wiring: Wiring::STANDARD,
             board: None,

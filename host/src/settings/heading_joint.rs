@@ -1,12 +1,12 @@
 //! The joint that turns the nozzle, and whether the tool axis tilts.
 
-use super::Settings;
+use super::{Settings, joint_names};
 use headway_firmware::configuration::{JointConfiguration, Kinematics};
 use headway_firmware::kinematics::joint_channels;
 use headway_protocol::units::CHANNEL_HEADING;
 
 impl Settings {
-    fn heading_joint_number(&self) -> Option<usize> {
+    pub(super) fn heading_joint_number(&self) -> Option<usize> {
         let channels = joint_channels(&self.machine.kinematics);
         channels
             .iter()
@@ -18,7 +18,13 @@ impl Settings {
         self.machine.joints.get(self.heading_joint_number()?)
     }
 
-    /// The same, to change its limits.
+    /// Its name in the machine file.
+    pub fn heading_joint_name(&self) -> Option<&'static str> {
+        let names = joint_names(&self.machine.kinematics);
+        names.get(self.heading_joint_number()?).copied()
+    }
+
+    /// The same joint, to change its limits.
     pub fn heading_joint_mut(&mut self) -> Option<&mut JointConfiguration> {
         let number = self.heading_joint_number()?;
         self.machine.joints.get_mut(number)

@@ -15,6 +15,7 @@ pub mod examples;
 mod groups;
 pub mod head_shape;
 mod heading_joint;
+mod heading_motor;
 pub mod heat;
 mod keys;
 pub mod kinds;
@@ -30,6 +31,7 @@ pub mod wide_beads;
 pub use check::{joint_names, motor_rates_hz};
 pub use choices::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
 pub use error::SettingsError;
+pub use heading_motor::HeadingMotor;
 
 use self::head_shape::HeadShape;
 use self::obstacles::Obstacles;
@@ -278,6 +280,8 @@ pub struct Settings {
     pub heaters: Option<HeatConfiguration>,
     /// Drivers that the board sets up; none for those that stand alone.
     pub drivers: DriversConfiguration,
+    /// What the motor of the heading joint can do, where it is known.
+    pub heading_motor: Option<HeadingMotor>,
     /// Switches to home to; `None`: the usual ones.
     pub switches: Option<HomingConfiguration>,
     /// Roles of the board's inputs, senses of its motors.

@@ -15,10 +15,11 @@ Examples:
 pub(crate) struct CompareArgs {
     /// What is printed, as for `plan`. --aperture is given once for each nozzle.
     pub input: PathBuf,
-    /// Top speed of the heading axis, degrees/s [default: the machine file's].
+    /// Top speed of the heading axis, degrees/s [default: the machine file's, of its joint or its motor ([drivers.c])
+    /// the lesser].
     #[arg(long, value_name = "DEG_S", allow_negative_numbers = true)]
     pub heading_speed: Option<f64>,
-    /// Top acceleration of the heading axis, degrees/s² [default: the machine file's].
+    /// Top acceleration of the heading axis, degrees/s² [default: as that of the speed].
     #[arg(long, value_name = "DEG_S2", allow_negative_numbers = true)]
     pub heading_acceleration: Option<f64>,
     /// Search the speed of the heading axis below which the first nozzle that is not round takes longer than the

@@ -8,11 +8,11 @@ mod sliced;
 use crate::cli::args::SettingsArgs;
 use crate::cli::args::compare::{CompareArgs, HeadingAxis};
 use crate::cli::error::CliError;
-use crate::cli::job::pictures;
 use crate::cli::plan::planned;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::{check_file, write_file};
+use crate::pipeline::page::pictures;
 use crate::pipeline::planned::Planned;
 use crate::report::compare_picture::{self, Bar};
 use crate::report::figures::Figures;
@@ -46,12 +46,15 @@ struct Row {
     print_s: Option<f64>,
     /// Boundary that cannot be touched, mm.
     unreachable_mm: Option<f64>,
-    /// Ground that is to be filled and stays open, mm².
+    /// Ground that is to be filled and stays open, over all layers, mm².
     open_mm2: Option<f64>,
     flow_interruptions: Option<u64>,
     /// By --density, the machine file's `[material]`, or the density of PLA.
     mass_g: Option<f64>,
     volume_mm3: Option<f64>,
+    /// What the heading axis was planned with; none where no joint turns the nozzle.
+    heading_speed_max_deg_s: Option<f64>,
+    heading_acceleration_max_deg_s2: Option<f64>,
     /// Why it cannot be printed with this nozzle.
     #[serde(skip_serializing_if = "Option::is_none")]
     refused: Option<String>,
@@ -169,6 +172,7 @@ fn plan_with(
 fn row(args: &CompareArgs, aperture: &str, planned: &Planned) -> Row {
     let figures = &planned.figures;
     let picture = args.picture.is_some();
+    let heading = planned.settings.heading_joint();
     Row {
         aperture: aperture.to_string(),
         sliced: None,
@@ -181,6 +185,8 @@ fn row(args: &CompareArgs, aperture: &str, planned: &Planned) -> Row {
             .volume_mm3
             .map(|mm3| mm3 * 1e-3 * density(args, planned)),
         volume_mm3: figures.volume_mm3,
+        heading_speed_max_deg_s: heading.map(|of| of.speed_max.to_degrees()),
+        heading_acceleration_max_deg_s2: heading.map(|of| of.acceleration_max.to_degrees()),
         refused: None,
         is_pla: planned
             .settings
@@ -198,13 +204,15 @@ fn density(args: &CompareArgs, planned: &Planned) -> f64 {
     args.density.or(of_material).unwrap_or(PLA_G_CM3)
 }
 
-/// Ground that nothing covers but should.
+/// Ground that nothing covers but should, over all layers; `area_mm2` is that of one.
 fn open_mm2(figures: &Figures) -> Option<f64> {
-    let area_mm2 = figures.area_mm2?;
-    let open_mm2 = area_mm2 * (100.0 - figures.covered_pct?) / 100.0;
-    let sparse = figures.infill_mm2.zip(figures.infill_covered_pct);
-    let sparse_mm2 = sparse.map_or(0.0, |(mm2, pct)| mm2 * (100.0 - pct) / 100.0);
-    Some((open_mm2 - sparse_mm2).max(0.0))
+    let all_mm2 = figures.area_mm2? * figures.layers.unwrap_or(1) as f64;
+    let sparse = figures.sparse_mm2.zip(figures.solid_covered_pct);
+    let (solid_mm2, covered_pct) = match sparse {
+        Some((sparse_mm2, covered_pct)) => (all_mm2 - sparse_mm2, covered_pct),
+        None => (all_mm2, figures.covered_pct?),
+    };
+    Some((solid_mm2 * (100.0 - covered_pct) / 100.0).max(0.0))
 }
 
 fn layer_picture(aperture: &str, planned: &Planned) -> String {
@@ -281,6 +289,9 @@ fn table(rows: &[Row], args: &CompareArgs) -> String {
             let _ = writeln!(text, "  its slicer estimates {seconds:.1} s");
         }
     }
+    if let Some(line) = heading_line(rows, args) {
+        text += &line;
+    }
     if args.density.is_none() && rows.iter().any(|row| row.is_pla) {
         let _ = writeln!(
             text,
@@ -288,6 +299,38 @@ fn table(rows: &[Row], args: &CompareArgs) -> String {
         );
     }
     text
+}
+
+/// What the heading axis was planned with, and where that is from.
+fn heading_line(rows: &[Row], args: &CompareArgs) -> Option<String> {
+    let limits = |row: &Row| {
+        Some((
+            row.heading_speed_max_deg_s?,
+            row.heading_acceleration_max_deg_s2?,
+        ))
+    };
+    let (speed, acceleration) = rows.iter().find_map(limits)?;
+    let of_machine = SettingsArgs {
+        aperture: Vec::new(),
+        ..args.settings.clone()
+    };
+    let motor = load::settings(&of_machine).ok();
+    let motor = motor.and_then(|settings| settings.heading_motor);
+    let source = match (args.heading_speed.or(args.heading_acceleration), motor) {
+        (Some(_), _) => "as given".to_string(),
+        (None, Some(motor)) => format!(
+            "the lesser of the joint's limits and its motor's, {:.0}°/s² with a gear of {}; a gear of {:.2} accelerates most",
+            motor.acceleration_max_rad_s2().to_degrees(),
+            motor.gear_ratio,
+            motor.fastest_ratio(),
+        ),
+        (None, None) => {
+            "the machine's; [drivers.c] or --heading-speed says what your motor reaches".to_string()
+        }
+    };
+    Some(format!(
+        "heading axis: {speed:.0}°/s and {acceleration:.0}°/s² ({source})\n"
+    ))
 }
 
 /// The heading axis at which the first nozzle that turns takes as long as the fastest round one.

@@ -3,13 +3,13 @@
 use crate::cli::args::export::{ColourName, ExportArgs, ExportName};
 use crate::cli::error::CliError;
 use crate::cli::job::export_gcode;
-use crate::cli::job::pictures;
 use crate::cli::plan::planned;
 use crate::cli::reading::job;
 use crate::cli::reading::job::Job;
 use crate::cli::terminal::console::Console;
 use crate::joint_export::tables::JointTable;
 use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_trajectory};
+use crate::pipeline::page::pictures;
 use crate::pipeline::planned::Planned;
 use crate::report::plan_picture::PlanPicture;
 use crate::report::pose_table::ROWS_MAX;

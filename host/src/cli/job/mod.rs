@@ -1,11 +1,9 @@
-//! Commands on a job: simulation, report, pictures, exports, inspection. In: a planned job or a job file. Out:
+//! What is made of a job: simulation, report, exports, inspection. In: a planned job or a job file. Out:
 //! files and figures.
 
 pub(crate) mod export;
 pub(crate) mod export_gcode;
 pub(crate) mod inspect;
 pub(crate) mod inspect_axes;
-pub(crate) mod page_layers;
-pub(crate) mod pictures;
 pub(crate) mod simulate;
 pub(crate) mod view;

@@ -2,7 +2,6 @@
 
 use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs, SimulateArgs};
 use crate::cli::error::CliError;
-use crate::cli::job::pictures;
 use crate::cli::plan::planned;
 use crate::cli::plan::verdict;
 use crate::cli::reading::job;
@@ -16,7 +15,9 @@ use crate::drive::simulator::SimulatorSetup;
 use crate::drive::trace_table;
 use crate::job::heat::{self, job_events};
 use crate::pipeline::findings::objections::Objection;
+use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::findings::simulated::{outcome, simulation_figures};
+use crate::pipeline::page::pictures;
 use crate::pipeline::planned::Planned;
 use std::path::Path;
 
@@ -75,7 +76,7 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         };
         verdict::compare(&args.verdict, &args.settings, other, &mut planned.figures)?;
     }
-    verdict::settle(&mut planned);
+    settle(&mut planned);
     write_traces(args, &planned, &dry_run)?;
     if let Some(folder) = &args.report {
         write_report(folder, &planned, console)?;

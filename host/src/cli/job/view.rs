@@ -3,12 +3,12 @@
 use crate::cli::args::ViewArgs;
 use crate::cli::error::CliError;
 use crate::cli::job::simulate::{of_no_use, write_report};
-use crate::cli::plan::{planned, verdict};
+use crate::cli::plan::planned;
 use crate::cli::reading::job;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::check_report_folder;
-use crate::drive::time_by_limit::time_by_limit;
-use crate::pipeline::findings::time_figures;
+use crate::pipeline::findings::settled_verdict::settle;
+use crate::pipeline::page::with_times;
 use std::path::PathBuf;
 
 pub(crate) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
@@ -29,12 +29,8 @@ pub(crate) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
             console,
         )?
     };
-    let times = time_figures(
-        time_by_limit(&planned.stream, &planned.settings),
-        &planned.transform,
-    );
-    planned.figures = std::mem::take(&mut planned.figures).merged_with(&times);
-    verdict::settle(&mut planned);
+    with_times(&mut planned);
+    settle(&mut planned);
     write_report(&folder, &planned, console)?;
     let page = folder.join("index.html");
     if !args.no_open

@@ -1,13 +1,12 @@
 //! The page of a job during printing: planned job -> page, and which layer it shows at each time.
 
 use crate::cli::error::CliError;
-use crate::cli::job::pictures::{live_page, page_layers};
 use crate::cli::live::{LivePrint, serve};
 use crate::cli::plan::planned;
 use crate::cli::reading::job::Job;
 use crate::cli::terminal::console::Console;
-use crate::drive::time_by_limit::time_by_limit;
-use crate::pipeline::findings::time_figures;
+use crate::pipeline::page::pictures::{live_page, page_layers};
+use crate::pipeline::page::with_times;
 use crate::pipeline::planned::Planned;
 use std::time::Duration;
 
@@ -52,11 +51,7 @@ pub(crate) fn open(
     console: &Console,
 ) -> Result<(LivePrint, PageClock), CliError> {
     let mut planned = planned::of_job(job);
-    let times = time_figures(
-        time_by_limit(&planned.stream, &planned.settings),
-        &planned.transform,
-    );
-    planned.figures = std::mem::take(&mut planned.figures).merged_with(&times);
+    with_times(&mut planned);
     let clock = PageClock::of(&planned);
     let live = serve(live_page(&planned), port)?;
     console.say(&format!("page: {}", live.url));

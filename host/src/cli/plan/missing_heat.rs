@@ -8,7 +8,6 @@
 use crate::cli::reading::job::Job;
 use crate::job::MotionState;
 use crate::job::heat::{BED, HeatEvent, HeatOrder};
-use crate::pipeline::planned::Planned;
 use headway_firmware::configuration::heat::HeaterRole;
 
 /// The missing heat commands as text; `remedy` is what the user can do about it.
@@ -29,31 +28,7 @@ pub(crate) fn missing_heat(job: &Job, events: &[HeatEvent], remedy: &str) -> Opt
     })
 }
 
-/// Why a planned job is not to be started as it is: its machine has a hot end that nothing heats.
-pub(crate) fn cold_hot_end(planned: &Planned) -> Option<String> {
-    let settings = &planned.settings;
-    let heaters = &settings.heaters.as_ref()?.heaters;
-    let is_hot_end = |heater: u8| {
-        let heater = heaters.get(usize::from(heater));
-        heater.is_some_and(|heater| heater.role == HeaterRole::HotEnd)
-    };
-    let of_material = settings.material.is_some_and(|of| of.hot_end_c > 0.0);
-    let of_file = planned.heat.iter().any(|event| match event.order {
-        HeatOrder::Heater {
-            heater, celsius, ..
-        } => celsius > 0.0 && is_hot_end(heater),
-        HeatOrder::Fan { .. } => false,
-    });
-    let has_hot_end = heaters.iter().any(|of| of.role == HeaterRole::HotEnd);
-    (has_hot_end && !of_material && !of_file).then(|| {
-        format!(
-            "COLD: machine {} has a hot end, and nothing in the job heats it (a [material] in the machine file does)",
-            settings.machine_name
-        )
-    })
-}
-
-/// The missing heat commands of a job that another controller prints.
+/// What is missing of a job that another controller prints.
 pub(crate) fn missing_in_text(job: &Job, events: &[HeatEvent], remedy: &str) -> Option<String> {
     let material = job.settings.as_ref().and_then(|settings| settings.material);
     let is_cold = material.is_some_and(|material| material.hot_end_c <= 0.0);

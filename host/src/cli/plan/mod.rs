@@ -18,6 +18,7 @@ use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::{check_file, nameless_file, write_file_with};
 use crate::job::spool::SpoolError;
 use crate::pipeline::findings::objections::Objection;
+use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::packing::{JobFacts, JobPacking, job_header};
 use crate::pipeline::planned::Planned;
 use crate::settings::aperture_text::nozzle_text;
@@ -48,7 +49,7 @@ pub(crate) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         planned::from_input(input, &args.reading, place, settings, &[], None, console)
     };
     verdict::compare(&args.verdict, &args.settings, other, &mut planned.figures)?;
-    verdict::settle(&mut planned);
+    settle(&mut planned);
     let figures = &planned.figures;
     match args.json {
         true => console.result(&(figures.to_json() + "\n"))?,
@@ -97,6 +98,7 @@ pub(crate) fn write_job(
         transform: planned.transform,
         figures: &planned.figures,
         heat: &planned.heat,
+        pass_facts: &planned.pass_facts,
     };
     let header = job_header(&facts, packed.frames.facts.clone());
     let mut length = 0;

@@ -276,19 +276,5 @@ pub(crate) fn from_job(path: &Path, settings: &SettingsArgs) -> Result<Planned, 
 
 /// What a job file knows.
 pub(crate) fn of_job(job: Job) -> Planned {
-    let header = &job.file.header;
-    let mut settings = job.settings.unwrap_or_default();
-    settings.machine.clone_from(&header.machine);
-    settings.machine_name.clone_from(&header.machine_name);
-    Planned {
-        figures: serde_json::from_str(&header.figures_json).unwrap_or_default(),
-        name: job.name,
-        outline: job.outline,
-        layer_outlines: job.layer_outlines,
-        settings,
-        transform: job.transform,
-        heat: job.file.header.heat(),
-        stream: job.stream,
-        ..Planned::default()
-    }
+    Planned::of_job(&job.file.header, job.stream, job.name)
 }

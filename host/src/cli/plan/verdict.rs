@@ -6,7 +6,6 @@
 use crate::cli::args::SettingsArgs;
 use crate::cli::args::allow::{AllowArgs, AllowName, RefuseName, VerdictArgs};
 use crate::cli::error::CliError;
-use crate::cli::plan::missing_heat::cold_hot_end;
 use crate::cli::terminal::console::Console;
 use crate::pipeline::findings::objections::{Objection, ObjectionKind};
 use crate::pipeline::planned::Planned;
@@ -115,14 +114,6 @@ pub(crate) fn compare(
         print_s,
     });
     Ok(())
-}
-
-/// Notes the verdict in the figures that are shown; job files do not contain it.
-pub(crate) fn settle(planned: &mut Planned) {
-    let cold = cold_hot_end(planned);
-    let is_cold = planned.settings.material.is_none() && planned.heat.is_empty();
-    let made = report::verdict(&planned.figures, cold.as_slice(), is_cold);
-    planned.figures.verdict = Some(made);
 }
 
 /// What a terminal is shown of settled figures: the verdict, or all of them between two verdicts.

@@ -2,15 +2,12 @@
 
 use crate::bed_mesh::{BedMesh, over_bed};
 use crate::cli::error::CliError;
-use crate::geometry::polygon::Region;
 use crate::input::names::part_name;
 use crate::job::SegmentStream;
 use crate::job::file::{self, JobFile, JobSummary};
 use crate::job::frames::WireFrames;
 use crate::job::transform::PartTransform;
-use crate::report::job_texts::{
-    LAYER_OUTLINES_TEXT, LayerOutlines, NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_from_json,
-};
+use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::settings::{Settings, machine_file};
 use std::fs::File;
 use std::io::BufReader;
@@ -23,8 +20,6 @@ pub(crate) struct Job {
     pub stream: SegmentStream,
     pub transform: PartTransform,
     pub name: String,
-    pub outline: Vec<Region>,
-    pub layer_outlines: LayerOutlines,
     pub settings: Option<Settings>,
 }
 
@@ -47,14 +42,6 @@ pub(crate) fn read(path: &Path) -> Result<Job, CliError> {
             .get(NAME_TEXT)
             .and_then(|name| part_name(name))
             .unwrap_or_else(|| stem(path)),
-        outline: texts
-            .get(OUTLINE_TEXT)
-            .and_then(|text| outline_from_json(text))
-            .unwrap_or_default(),
-        layer_outlines: texts
-            .get(LAYER_OUTLINES_TEXT)
-            .and_then(|text| LayerOutlines::from_json(text))
-            .unwrap_or_default(),
         settings: texts
             .get(SETTINGS_TEXT)
             .and_then(|text| machine_file::from_toml(text).ok()),

@@ -45,14 +45,16 @@ pub(crate) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
     Ok(settings)
 }
 
-/// Gives the joint that turns the nozzle other limits.
+/// Gives the joint that turns the nozzle other limits: those given, else the lesser of its own and its motor's.
 fn with_heading_axis(settings: &mut Settings, axis: HeadingAxis) {
+    let Some([speed, acceleration]) = settings.heading_limits() else {
+        return;
+    };
+    let speed = axis.speed_max_rad_s.unwrap_or(speed);
+    let acceleration = axis.acceleration_max_rad_s2.unwrap_or(acceleration);
     if let Some(joint) = settings.heading_joint_mut() {
-        joint.speed_max = axis.slower * axis.speed_max_rad_s.unwrap_or(joint.speed_max);
-        let acceleration_max = axis
-            .acceleration_max_rad_s2
-            .unwrap_or(joint.acceleration_max);
-        joint.acceleration_max = axis.slower * acceleration_max;
+        joint.speed_max = axis.slower * speed;
+        joint.acceleration_max = axis.slower * acceleration;
         joint.jerk_max *= axis.slower;
     }
 }

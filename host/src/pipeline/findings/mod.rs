@@ -11,6 +11,7 @@ pub mod objections;
 pub(crate) mod part;
 mod run_notes;
 pub mod settings_warnings;
+pub mod settled_verdict;
 pub mod simulated;
 pub mod unwinding;
 pub mod use_figures;

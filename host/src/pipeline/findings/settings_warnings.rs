@@ -12,6 +12,7 @@ pub(crate) fn settings_warnings(settings: &Settings) -> Vec<String> {
     steep_layers(settings)
         .into_iter()
         .chain(coarse_steps(settings))
+        .chain(weak_motor(settings))
         .collect()
 }
 
@@ -24,6 +25,11 @@ fn steep_layers(settings: &Settings) -> Option<String> {
              (--layer-height is in mm)?"
         )
     })
+}
+
+fn weak_motor(settings: &Settings) -> Option<String> {
+    let (motor, is_above) = settings.heading_motor_text()?;
+    is_above.then(|| format!("{motor}, which is more: it would lose steps"))
 }
 
 fn coarse_steps(settings: &Settings) -> Vec<String> {

@@ -41,6 +41,11 @@ pub fn html(report: &Report, pictures: &[(String, String)]) -> String {
     page(report, &files(pictures), ["", "", ""])
 }
 
+/// The page by itself, for who shows it inside of another: no file lies beside it.
+pub fn inline_html(report: &Report) -> String {
+    page(report, "", ["", "", ""])
+}
+
 /// The page as it is served while the job prints: with a bar that asks its own server and nobody else.
 pub fn live_html(report: &Report) -> String {
     page(report, "", [";connect-src 'self'", LIVE_BAR, LIVE_SCRIPT])

@@ -2,6 +2,7 @@
 
 use super::MachineFileError;
 use crate::settings::drivers::motor_names;
+use crate::settings::{HeadingMotor, Settings};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::drivers::{
     Chopper, DriverConfiguration, DriversConfiguration,
@@ -29,17 +30,22 @@ enum ChopperName {
 #[derive(Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FileDriver {
-    run_ma: u16,
+    run_ma: Option<u16>,
     hold_ma: Option<u16>,
     sense_mohm: Option<u16>,
     address: Option<u8>,
-    microsteps: u16,
+    microsteps: Option<u16>,
     full_steps_per_mm: Option<f64>,
     full_steps_per_turn: Option<f64>,
     full_steps_per_mm3: Option<f64>,
     interpolate: Option<bool>,
     chopper: Option<ChopperName>,
     spread_above_full_steps_s: Option<f64>,
+    torque_nm: Option<f64>,
+    rotor_inertia_g_cm2: Option<f64>,
+    load_inertia_g_cm2: Option<f64>,
+    gear_ratio: Option<f64>,
+    motor_speed_max_rpm: Option<f64>,
 }
 
 /// The key that a motor's full steps have.
@@ -70,7 +76,9 @@ pub(super) fn drivers(
             let problem = format!("drivers.{name}: the machine has the motors {known}");
             return Err(MachineFileError::Toml(problem));
         };
-        found[motor] = Some(driver.driver(name, steps_key(machine, motor))?);
+        if !driver.is_motor_alone() {
+            found[motor] = Some(driver.driver(name, steps_key(machine, motor))?);
+        }
     }
     while found.last() == Some(&None) {
         found.pop();
@@ -81,8 +89,88 @@ pub(super) fn drivers(
     })
 }
 
+/// What the motor of the heading joint can do; other motors have no such numbers.
+pub(super) fn heading_motor(
+    given: &BTreeMap<String, FileDriver>,
+    machine: &MachineConfiguration,
+) -> Result<Option<HeadingMotor>, MachineFileError> {
+    let of_machine = Settings {
+        machine: machine.clone(),
+        ..Settings::default()
+    };
+    let mut found = None;
+    for (name, driver) in given {
+        let Some(motor) = driver.heading_motor(name)? else {
+            continue;
+        };
+        match of_machine.heading_joint_name() {
+            Some(heading) if heading == name => found = Some(motor),
+            heading => {
+                let whose = heading.map_or("the machine has none".to_string(), |heading| {
+                    format!("give it to [drivers.{heading}]")
+                });
+                let problem = format!(
+                    "drivers.{name}.torque_nm goes with the joint that turns the nozzle: {whose}"
+                );
+                return Err(MachineFileError::Toml(problem));
+            }
+        }
+    }
+    Ok(found)
+}
+
 impl FileDriver {
+    /// All of its numbers, or none.
+    fn heading_motor(&self, name: &str) -> Result<Option<HeadingMotor>, MachineFileError> {
+        let needed = [
+            ("torque_nm", self.torque_nm),
+            ("rotor_inertia_g_cm2", self.rotor_inertia_g_cm2),
+            ("load_inertia_g_cm2", self.load_inertia_g_cm2),
+            ("gear_ratio", self.gear_ratio),
+        ];
+        let values = needed.map(|(_, value)| value);
+        if let [
+            Some(torque_nm),
+            Some(rotor_inertia_g_cm2),
+            Some(load_inertia_g_cm2),
+            Some(gear_ratio),
+        ] = values
+        {
+            return Ok(Some(HeadingMotor {
+                torque_nm,
+                rotor_inertia_g_cm2,
+                load_inertia_g_cm2,
+                gear_ratio,
+                motor_speed_max_rpm: self.motor_speed_max_rpm,
+            }));
+        }
+        let is_any = values.iter().any(Option::is_some) || self.motor_speed_max_rpm.is_some();
+        if !is_any {
+            return Ok(None);
+        }
+        let missing = needed.iter().filter(|(_, value)| value.is_none());
+        let missing: Vec<&str> = missing.map(|(key, _)| *key).collect();
+        Err(MachineFileError::Toml(format!(
+            "drivers.{name}: {} is missing: what the heading axis reaches follows from torque_nm, rotor_inertia_g_cm2, \
+             load_inertia_g_cm2 and gear_ratio together",
+            missing.join(", ")
+        )))
+    }
+
+    /// True where nothing is said of the driver: the board leaves it as it is.
+    fn is_motor_alone(&self) -> bool {
+        let of_driver =
+            self.run_ma.is_some() || self.microsteps.is_some() || self.hold_ma.is_some();
+        !of_driver && self.torque_nm.is_some()
+    }
+
     fn driver(&self, name: &str, key: &str) -> Result<DriverConfiguration, MachineFileError> {
+        let (Some(run_ma), Some(microsteps)) = (self.run_ma, self.microsteps) else {
+            let problem = format!(
+                "drivers.{name}: run_ma and microsteps are needed for a driver that the board sets up"
+            );
+            return Err(MachineFileError::Toml(problem));
+        };
         let given = [
             ("full_steps_per_mm", self.full_steps_per_mm),
             (
@@ -118,9 +206,9 @@ impl FileDriver {
         Ok(DriverConfiguration {
             address: self.address.unwrap_or(0),
             sense_mohm: self.sense_mohm.unwrap_or(SENSE_MOHM),
-            run_ma: self.run_ma,
-            hold_ma: self.hold_ma.unwrap_or(self.run_ma / 2),
-            microsteps: self.microsteps,
+            run_ma,
+            hold_ma: self.hold_ma.unwrap_or(run_ma / 2),
+            microsteps,
             interpolates: self.interpolate.unwrap_or(true),
             full_steps_per_unit,
             chopper: match self.chopper {
@@ -133,13 +221,12 @@ impl FileDriver {
 }
 
 /// The groups of drivers that are set up.
-pub(super) fn write_drivers(
-    text: &mut String,
-    drivers: &DriversConfiguration,
-    machine: &MachineConfiguration,
-) -> std::fmt::Result {
+pub(super) fn write_drivers(text: &mut String, settings: &Settings) -> std::fmt::Result {
+    let machine = &settings.machine;
     let names = motor_names(machine);
-    for (motor, (name, driver)) in names.iter().zip(&drivers.drivers).enumerate() {
+    let mut heading = settings.heading_joint_name();
+    let drivers = names.iter().zip(&settings.drivers.drivers);
+    for (motor, (name, driver)) in drivers.enumerate() {
         let Some(driver) = driver else { continue };
         writeln!(
             text,
@@ -167,6 +254,35 @@ pub(super) fn write_drivers(
             let rate = CHIP_HZ / FINEST / f64::from(driver.spread_below_clocks);
             writeln!(text, "spread_above_full_steps_s = {rate}")?;
         }
+        if heading == Some(*name) {
+            write_heading_motor(text, settings.heading_motor.as_ref())?;
+            heading = None;
+        }
+    }
+    if let Some(name) = heading.filter(|_| settings.heading_motor.is_some()) {
+        writeln!(text, "\n# Its driver stands alone.\n[drivers.{name}]")?;
+        write_heading_motor(text, settings.heading_motor.as_ref())?;
+    }
+    Ok(())
+}
+
+fn write_heading_motor(text: &mut String, motor: Option<&HeadingMotor>) -> std::fmt::Result {
+    let Some(motor) = motor else { return Ok(()) };
+    writeln!(
+        text,
+        "# Its motor, from the data sheet; the load is all that turns with the nozzle."
+    )?;
+    let numbers = [
+        ("torque_nm", Some(motor.torque_nm)),
+        ("rotor_inertia_g_cm2", Some(motor.rotor_inertia_g_cm2)),
+        ("load_inertia_g_cm2", Some(motor.load_inertia_g_cm2)),
+        ("gear_ratio", Some(motor.gear_ratio)),
+        ("motor_speed_max_rpm", motor.motor_speed_max_rpm),
+    ];
+    for (key, value) in numbers {
+        if let Some(value) = value {
+            writeln!(text, "{key} = {}", super::write::number(value))?;
+        }
     }
     Ok(())
 }
@@ -180,13 +296,15 @@ mod tests {
     use crate::settings::Settings;
     use crate::settings::drivers::{EXTRUDER, motor_names};
 
+    const MOTOR: &str = "torque_nm = 0.15\nrotor_inertia_g_cm2 = 20\nload_inertia_g_cm2 = 180\n\
+                         gear_ratio = 3\nmotor_speed_max_rpm = 900\n";
     const X: &str = "[drivers.x]\nrun_ma = 800\nmicrosteps = 16\nfull_steps_per_mm = 5\n";
 
     #[test]
     fn drivers_read_back() {
         let group = format!(
             "{X}[drivers.c]\nrun_ma = 500\nhold_ma = 300\nmicrosteps = 16\nfull_steps_per_turn = 600\n\
-             chopper = \"spread\"\nspread_above_full_steps_s = 333.3\n\
+             chopper = \"spread\"\nspread_above_full_steps_s = 333.3\n{MOTOR}\
              [drivers.{EXTRUDER}]\nrun_ma = 600\nmicrosteps = 16\nfull_steps_per_mm3 = 10.39\n"
         );
         let settings = read(&group).expect("a machine");
@@ -198,6 +316,15 @@ mod tests {
         assert_eq!((y.is_none(), e.is_some()), (true, true));
         assert_eq!(c.expect("c").spread_below_clocks, 141);
         assert_eq!(from_toml(&to_toml(&settings)).expect("again"), settings);
+        let motor = settings.heading_motor.expect("a motor");
+        assert_eq!((motor.gear_ratio, motor.torque_nm), (3.0, 0.15));
+        // Of a driver that stands alone the motor is known all the same.
+        let alone = read(&format!("[drivers.c]\n{MOTOR}")).expect("a machine");
+        assert_eq!(
+            (alone.drivers.is_none(), alone.heading_motor),
+            (true, Some(motor))
+        );
+        assert_eq!(from_toml(&to_toml(&alone)).expect("again"), alone);
         // A job's machine is the same with other currents.
         assert_eq!(settings.machine.hash(), Settings::planar().machine.hash());
     }
@@ -227,6 +354,7 @@ mod tests {
                 "full_steps_per_turn =",
                 "give full_steps_per_mm,",
             ),
+            ("run_ma = 800", "", "run_ma and microsteps are needed"),
             ("run_ma = 800", "run_ma = 800\naddress = 7", "address is 7"),
             (
                 "run_ma = 800",
@@ -246,5 +374,39 @@ mod tests {
             ("run_ma = 800", "run_ma = 800\nloud = true", "unknown field"),
         ];
         assert_refused(X, &cases);
+    }
+
+    /// Goal: the heading joint's motor is refused where its numbers are none, not all there, or another joint's. Method:
+    /// one wrong number at a time.
+    #[test]
+    fn heading_motors_that_cannot_be_are_refused() {
+        let group = format!(
+            "[drivers.c]\nrun_ma = 500\nmicrosteps = 16\nfull_steps_per_turn = 600\n{MOTOR}"
+        );
+        let cases = [
+            ("torque_nm = 0.15", "torque_nm = 0", "torque_nm"),
+            ("torque_nm = 0.15\n", "", "torque_nm is missing"),
+            ("gear_ratio = 3", "gear_ratio = 0.001", "gear_ratio"),
+            ("gear_ratio = 3", "gear_ratio = 200", "a turn of the motor"),
+            (
+                "load_inertia_g_cm2 = 180",
+                "load_inertia_g_cm2 = nan",
+                "load_inertia",
+            ),
+            (
+                "rotor_inertia_g_cm2 = 20",
+                "rotor_inertia_g_cm2 = -1",
+                "rotor_inertia",
+            ),
+            (
+                "motor_speed_max_rpm = 900",
+                "motor_speed_max_rpm = 1e9",
+                "motor_speed_max_rpm",
+            ),
+        ];
+        assert_refused(&group, &cases);
+        let of_x = X.to_string() + MOTOR;
+        let cases = [("gear_ratio = 3", "gear_ratio = 2", "give it to [drivers.c]")];
+        assert_refused(&of_x, &cases);
     }
 }

@@ -187,6 +187,7 @@ impl File {
         let mut settings = Settings {
             machine_name: self.name.clone(),
             drivers: drivers::drivers(&self.drivers, &machine)?,
+            heading_motor: drivers::heading_motor(&self.drivers, &machine)?,
             probe: self.probe()?,
             switches: self.switches(&machine)?,
             wiring: self.wiring.wiring(&machine)?,

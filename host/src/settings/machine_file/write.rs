@@ -39,8 +39,8 @@ pub fn to_new_toml(settings: &Settings) -> String {
 
 /// No temperature is right for every machine.
 const MATERIAL_TO_FILL_IN: &str = "
-# What is printed. Without it no job heats, and `export --to gcode` and boards with a hot end refuse it;
-# hot_end_c = 0 is printed cold.
+# What is printed. Without it no job heats, and `export --to gcode` and boards with a hot end refuse it.
+# A material that is printed cold has a hot_end_c of 0.
 # [material]
 # hot_end_c = 215
 # bed_c = 60
@@ -65,7 +65,7 @@ fn written(settings: &Settings, with_layers: bool) -> String {
         let _ = write_heaters(&mut text, heaters);
     }
     let _ = write_gcode(&mut text, settings);
-    let _ = write_drivers(&mut text, &settings.drivers, &settings.machine);
+    let _ = write_drivers(&mut text, settings);
     let _ = write_wiring(&mut text, &settings.wiring, &settings.machine);
     if let Some(switches) = &settings.switches {
         let _ = write_switches(&mut text, switches, &settings.machine);

@@ -189,6 +189,23 @@ fn the_page_tells_the_layers_of_a_part_apart() {
     let figures = page.with_file_name("report.json");
     let said = driven_with("layers.mjs", &[page.as_ref(), figures.as_ref()]);
     assert!(said.lines().count() >= 16, "{said}");
+    // The same from its job file, which knows the kinds of its passes.
+    let job = folder.path().join("flower.hwj");
+    let plan = Command::new(env!("CARGO_BIN_EXE_headway"))
+        .args(["plan", "--quiet", "-o"])
+        .args([
+            job.as_os_str(),
+            folder.path().join("flower.stl").as_os_str(),
+        ])
+        .args(options)
+        .output()
+        .expect("the command");
+    assert!(plan.status.success(), "{plan:?}");
+    let of_job = folder.path().join("of-job");
+    let page = written(job.to_str().expect("text"), &[], &of_job);
+    let figures = page.with_file_name("report.json");
+    let of_job = driven_with("layers.mjs", &[page.as_ref(), figures.as_ref()]);
+    assert_eq!(of_job.lines().count(), said.lines().count(), "{of_job}");
 }
 
 /// A slicer's file of so many layers that all differ.

@@ -184,9 +184,53 @@ fn compare_says_what_each_nozzle_takes() {
     let print_s = |row: &serde_json::Value| row["print_s"].as_f64().expect("seconds");
     assert!(print_s(&slow[0]) > print_s(&found[0]));
     assert_eq!(slow[1]["print_s"], found[1]["print_s"]);
+    // A motor of 20 turns a minute behind a gear of 3 turns the nozzle with 40 degrees/s.
+    let machine = folder.join("machine.toml");
+    let motor = "[drivers.c]\ntorque_nm = 0.1\nrotor_inertia_g_cm2 = 20\nload_inertia_g_cm2 = 180\n\
+                 gear_ratio = 3\nmotor_speed_max_rpm = 20\n";
+    let planar = succeeded(&headway(&["machine", "new"])) + motor;
+    std::fs::write(&machine, planar).expect("written");
+    let geared = rows(&["-m", path(&machine)]);
+    assert_eq!(geared[0]["print_s"], slow[0]["print_s"]);
+    let speed = geared[0]["heading_speed_max_deg_s"].as_f64();
+    assert!((speed.expect("a speed") - 40.0).abs() < 1e-9);
+    let check = headway(&["machine", "check", path(&machine)]);
+    assert!(succeeded(&check).contains("the motor of c reaches 40°/s and "));
+    assert!(
+        stderr(&check).contains("would lose steps"),
+        "{}",
+        stderr(&check)
+    );
     let alone = headway(&["compare", &taper, "--aperture", "circle:0.3"]);
     assert_eq!(alone.status.code(), Some(2));
     std::fs::remove_dir_all(folder).expect("clean up");
+}
+
+/// Goal: what `compare` calls open is that of all layers, without what a sparse infill leaves open on purpose. Method: three
+/// layers of an outline against one; the walls of a sparse part, whose ground is nearly all covered.
+#[test]
+fn open_ground_is_that_of_all_layers() {
+    let nozzles = ["--aperture", "ellipse:0.6x0.2", "--aperture", "circle:0.3"];
+    let open_mm2 = |input: &str, more: &[&str]| -> f64 {
+        let arguments = [&["compare", input, "--json"], &nozzles[..], more].concat();
+        let rows: Vec<serde_json::Value> =
+            serde_json::from_str(&succeeded(&headway(&arguments))).expect("a list");
+        rows[0]["open_mm2"].as_f64().expect("an area")
+    };
+    let taper = example("taper.json");
+    let (one, three) = (open_mm2(&taper, &[]), open_mm2(&taper, &["--layers", "3"]));
+    // A layer that begins elsewhere leaves a little more or less.
+    assert!((three / one - 3.0).abs() < 0.3, "{one} and {three} mm²");
+    let sparse = [
+        "--layers=3",
+        "--walls=1",
+        "--infill-density=40",
+        "--bottom=1",
+        "--top=1",
+    ];
+    let letter = open_mm2(&example("letter.json"), &sparse);
+    // 3 x 159 mm², of which less than a hundredth part stays open.
+    assert!((0.1..5.0).contains(&letter), "{letter} mm²");
 }
 
 /// Goal: `inspect` tells the length of a path from how far its waypoints are apart. Method: eleven waypoints on 20 mm.

@@ -60,11 +60,14 @@ fn a_job_is_that_of_the_command() {
         let output = folder.path().join(format!("{number}.hwj"));
         let output = output.display().to_string();
         let input = format!("{EXAMPLES}/{name}");
-        let mut words = vec!["plan", &input, "-o", &output];
+        let mut words = vec!["plan", &input, "--json", "-o", &output];
         words.extend(options.split_whitespace());
         let planned = headway(&words);
         assert!(planned.status.success(), "{}", stderr(&planned));
         let job = plan(&read(name), &machine, &with).unwrap();
+        let printed: serde_json::Value = serde_json::from_slice(&planned.stdout).unwrap();
+        let own: serde_json::Value = serde_json::from_str(&job.figures_json()).unwrap();
+        assert!(own["verdict"]["lines"].is_array() && own["verdict"] == printed["verdict"]);
         assert!(
             job.bytes() == std::fs::read(&output).unwrap(),
             "{name} {options}"

@@ -1,7 +1,8 @@
-//! The planner's intermediate results -> the report's plain structs.
+//! Planner's intermediates -> the report's plain structs.
+//!
+//! In: a planned job, with the planner's intermediates where they are at hand. Out: the report's files, or its page
+//! alone. Leaves out where they go.
 
-use crate::cli::job::page_layers;
-use crate::cli::job::page_layers::{LayerMotions, kinds_of_layers};
 use crate::drive::time_by_limit::limit_names;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::frame::Frame;
@@ -9,6 +10,7 @@ use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2, coverage};
 use crate::job::transform::PartTransform;
 use crate::job::{MotionState, SegmentStream};
+use crate::pipeline::page::layers::{self, LayerMotions, kinds_of_layers};
 use crate::pipeline::planned::Planned;
 use crate::plan::judge::measure::{MeasuredPrint, measure};
 use crate::plan::judge::region_raster::RegionRaster;
@@ -18,7 +20,7 @@ use crate::plan::pass::PassKind;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::figures::SlowPlaceFigures;
 use crate::report::machine_links::MachineLinks;
-use crate::report::page::live_html;
+use crate::report::page::{inline_html, live_html};
 use crate::report::plan_marks::Colouring;
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
 use crate::report::pose_table::{duration_ticks, samples_within};
@@ -36,7 +38,8 @@ const SPACE_SAMPLES_MAX: u64 = 20_000;
 const UPRIGHT_COS: f64 = 0.999_99;
 
 /// A layer that is drawn for all that are like it.
-pub(crate) struct ShownLayer {
+pub struct ShownLayer {
+    /// From 0.
     pub layer: u32,
     /// Its number and the layers identical to it; empty if there is only one.
     pub label: String,
@@ -92,18 +95,23 @@ fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
 }
 
 /// All files of the report.
-pub(crate) fn report_files(planned: &Planned) -> Vec<ReportFile> {
+pub fn report_files(planned: &Planned) -> Vec<ReportFile> {
     with_report(planned, write_report)
 }
 
 /// The page with the bar that watches and orders a print.
-pub(crate) fn live_page(planned: &Planned) -> String {
+pub fn live_page(planned: &Planned) -> String {
     with_report(planned, live_html)
 }
 
+/// The page by itself: no file lies beside it.
+pub fn inline_page(planned: &Planned) -> String {
+    with_report(planned, inline_html)
+}
+
 /// The layers of the page in its order, and for each layer of the job which of them shows it.
-pub(crate) fn page_layers(planned: &Planned) -> (Vec<u32>, Vec<usize>) {
-    page_layers::page_layers(planned, &shown_layers(planned))
+pub fn page_layers(planned: &Planned) -> (Vec<u32>, Vec<usize>) {
+    layers::page_layers(planned, &shown_layers(planned))
 }
 
 fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
@@ -208,12 +216,8 @@ fn rasters(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
     shown.iter().map(of_layer).collect()
 }
 
-/// A layer's passes as the finished segments run them; zones from the planner, if available.
-pub(crate) fn plan_picture<'a>(
-    title: &'a str,
-    planned: &'a Planned,
-    layer: u32,
-) -> PlanPicture<'a> {
+/// A layer's passes as the finished segments run them; zones from the planner, where it is at hand.
+pub fn plan_picture<'a>(title: &'a str, planned: &'a Planned, layer: u32) -> PlanPicture<'a> {
     let servo_hz = f64::from(planned.settings.machine.servo_hz);
     let zone_of = zones(planned);
     let (passes, travel) = stream_paths(planned, servo_hz, &zone_of, layer);

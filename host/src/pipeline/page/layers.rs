@@ -3,10 +3,10 @@
 //! In: a planned job, the layers that have pictures. Out: the page's plain structs, with so few points and samples
 //! that the page stays below 15 MB.
 
-use crate::cli::job::pictures::ShownLayer;
 use crate::drive::time_by_limit::limit_at;
 use crate::job::heat::{HEATER_NAMES, HeatOrder, job_events};
 use crate::job::{MotionState, SegmentStream};
+use crate::pipeline::page::pictures::ShownLayer;
 use crate::pipeline::planned::Planned;
 use crate::plan::layers::layer_groups::infills_of_layers;
 use crate::report::layer_path::{PathOf, layer_path};
@@ -22,7 +22,7 @@ const SAMPLES_MAX: u64 = 120_000;
 const POINTS_MAX: [u64; 2] = [700_000, 400_000];
 
 /// The motion of the page's layers.
-pub(crate) struct LayerMotions<'a> {
+pub struct LayerMotions<'a> {
     planned: &'a Planned,
     index: StreamIndex<'a>,
     /// Ticks of all layers that are shown.
@@ -30,7 +30,7 @@ pub(crate) struct LayerMotions<'a> {
 }
 
 impl<'a> LayerMotions<'a> {
-    pub(crate) fn of(planned: &'a Planned, shown: &[ShownLayer]) -> LayerMotions<'a> {
+    pub fn of(planned: &'a Planned, shown: &[ShownLayer]) -> LayerMotions<'a> {
         let stream = &planned.stream;
         let long = |layer: u32| {
             let [from, end] = ticks_of(stream, layer);
@@ -48,7 +48,7 @@ impl<'a> LayerMotions<'a> {
     }
 
     /// Of a layer, with what holds it back.
-    pub(crate) fn motion(&self, layer: u32) -> LayerMotion {
+    pub fn motion(&self, layer: u32) -> LayerMotion {
         let (stream, settings) = (&self.planned.stream, &self.planned.settings);
         let ticks = ticks_of(stream, layer);
         let share = (ticks[1] - ticks[0]) as f64 / self.ticks.max(1) as f64;
@@ -74,9 +74,9 @@ impl<'a> LayerMotions<'a> {
         }
     }
 
-    /// Layers without a picture that differ from all layers shown: those of a part, or those of a job
-    /// without its settings.
-    pub(crate) fn more(&self, shown: &[ShownLayer]) -> Vec<PageLayer<'a>> {
+    /// Layers that the pictures leave out and that are like none of those shown: a part's, or those of a job
+    /// that came without its settings.
+    pub fn more(&self, shown: &[ShownLayer]) -> Vec<PageLayer<'a>> {
         let planned = self.planned;
         let layers = planned.stream.layers();
         let more = bare_layers(planned, shown).into_iter();
@@ -89,8 +89,8 @@ impl<'a> LayerMotions<'a> {
         .collect()
     }
 
-    /// The page's data about the complete job.
-    pub(crate) fn facts(&self, shown: &[ShownLayer]) -> PageFacts {
+    /// What the page is told of the whole job.
+    pub fn facts(&self, shown: &[ShownLayer]) -> PageFacts {
         let planned = self.planned;
         let (settings, stream) = (&planned.settings, &planned.stream);
         let servo_hz = f64::from(settings.machine.servo_hz);
@@ -152,7 +152,7 @@ impl<'a> LayerMotions<'a> {
 }
 
 /// The layers of the page in its order, and for each layer of the job which of them shows it.
-pub(crate) fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>, Vec<usize>) {
+pub fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>, Vec<usize>) {
     let mut of_page: Vec<u32> = shown.iter().map(|shown| shown.layer).collect();
     of_page.extend(bare_layers(planned, shown));
     let kinds = kinds_of_layers(planned);
@@ -167,8 +167,9 @@ pub(crate) fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>,
     (of_page, page_of)
 }
 
-/// For each layer the number of its kind; empty if all layers differ, as in a slicer's file, which has no outline.
-pub(crate) fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
+/// For each layer the number of its kind; none where all layers differ, as those of a slicer's file do, which has no
+/// outline.
+pub fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
     match planned.outline.is_empty() {
         true => Vec::new(),
         false => infills_of_layers(&planned.settings).1,
