@@ -84,7 +84,9 @@ impl Nozzle {
     fn reach_mm(&self) -> f64 {
         match self {
             Nozzle::Ellipse([a, _]) => *a,
-            Nozzle::Polygon(corners) => corners.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max),
+            Nozzle::Polygon(corners) => {
+                corners.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max)
+            }
         }
     }
 
@@ -165,7 +167,7 @@ struct Cells {
 
 /// Looks at a layer of a plan whose outline is a region in the ground's parameters.
 pub fn laid(plan: &Plan, ground: &Ground, region: &Region, look: &Look) -> Laid {
-    let (poses, mut laid) = poses(plan, look.layer);
+    let (poses, mut laid) = poses(plan, look);
     let top_mm = look.height_mm * f64::from(look.layer + 1);
     let cells = cells(ground, region, top_mm, look);
     let mut last = vec![f64::NEG_INFINITY; cells.at.len()];
@@ -210,15 +212,20 @@ pub fn laid(plan: &Plan, ground: &Ground, region: &Region, look: &Look) -> Laid 
     laid
 }
 
-/// Print poses of a layer no more than a servo tick apart, and their length, time and volume.
-fn poses(plan: &Plan, layer: u32) -> (Vec<Pose>, Laid) {
+/// Print poses of a layer no more than a servo tick apart, a quarter of that for sharp corners, which leave notches from
+/// one to the next; their length, time and volume.
+fn poses(plan: &Plan, look: &Look) -> (Vec<Pose>, Laid) {
+    let per_tick = match look.nozzle {
+        Nozzle::Ellipse(_) => 1,
+        Nozzle::Polygon(_) => 4,
+    };
     let oracle = Oracle::new(&plan.stream);
     let offset = Vec3::from(plan.transform.offset_mm);
     let mut found: Vec<Pose> = Vec::new();
     let mut laid = Laid::default();
     let (mut path_mm, mut pass) = (0.0, None);
     let marks = plan.stream.marks.iter();
-    for mark in marks.filter(|mark| mark.state == MotionState::Print && mark.layer == layer) {
+    for mark in marks.filter(|mark| mark.state == MotionState::Print && mark.layer == look.layer) {
         let is_new = mark.pass != pass;
         if is_new {
             path_mm += 100.0;
@@ -229,8 +236,8 @@ fn poses(plan: &Plan, layer: u32) -> (Vec<Pose>, Laid) {
         let volume = |tick: u64| oracle.at(tick as f64, 0)[6];
         laid.volume_ratio += volume(mark.end_tick) - volume(mark.start_tick);
         laid.print_s += (mark.end_tick - mark.start_tick) as f64 / 2000.0;
-        for tick in mark.start_tick..=mark.end_tick {
-            let pose = oracle.at(tick as f64, 0);
+        for step in per_tick * mark.start_tick..=per_tick * mark.end_tick {
+            let pose = oracle.at(step as f64 / per_tick as f64, 0);
             let tilt = Rotation3::new(Vec3::new(pose[3], pose[4], 0.0));
             let turn = tilt * Rotation3::from_axis_angle(&Vec3::z_axis(), pose[5]);
             let tip = Vec3::new(pose[0], pose[1], pose[2]) - offset;

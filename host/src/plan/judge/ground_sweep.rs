@@ -7,6 +7,7 @@
 //! the ground. Leaves out skirts, and what no placement covers: all of the regions counts as within reach.
 
 use super::figures::Swept;
+use super::measure::longest_step_mm;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::chart::{Chart, SurfaceFrame};
 use crate::geometry::clearance::{Configuration, outside_bound_mm};
@@ -29,8 +30,7 @@ use rayon::prelude::*;
 /// Side of the cells, of the aperture's unit, as long as a layer has no more than so many of them.
 const CELL: f64 = 0.02;
 const CELLS_MAX: f64 = 3e6;
-/// Longest step between poses, of the unit, and longest turn.
-const STEP: f64 = 0.02;
+/// Longest turn between poses, rad.
 const STEP_RAD: f64 = 0.02;
 /// A point so far off a pose's plane, of a layer's height, lies on another sheet of the ground.
 const SHEET: f64 = 2.0;
@@ -131,7 +131,7 @@ fn poses_by_layer(
     is_of_regions: impl Fn(u32) -> bool,
 ) -> Vec<LayerPoses> {
     let servo_hz = f64::from(settings.machine.servo_hz);
-    let step_mm = STEP * settings.aperture.unit_mm();
+    let step_mm = longest_step_mm(&settings.aperture);
     let mut layers: Vec<LayerPoses> = Vec::new();
     let (mut path_mm, mut pass_before) = (0.0, None);
     let mut before: Option<Pose> = None;

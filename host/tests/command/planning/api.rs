@@ -11,7 +11,8 @@ mod watch_and_stop;
 use crate::rig::board::{Board, job};
 use crate::rig::{headway, stderr};
 use headway::api::{
-    CurvedLayers, Error, Job, Machine, Options, Part, Quality, Reading, plan, plan_watched};
+    CurvedLayers, Error, Job, Machine, Options, Part, Quality, Reading, plan, plan_watched,
+};
 use headway::drive::transport::Port;
 use std::fmt::Write;
 use std::ops::ControlFlow;

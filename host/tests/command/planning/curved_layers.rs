@@ -52,7 +52,14 @@ fn a_skin_is_planned_with_its_figures() {
 #[test]
 fn auto_says_what_it_compared() {
     let folder = tempfile::tempdir().unwrap();
-    let arguments = ["--curved-layers", "auto", "--scale", "0.4", "--quality", "fast"];
+    let arguments = [
+        "--curved-layers",
+        "auto",
+        "--scale",
+        "0.4",
+        "--quality",
+        "fast",
+    ];
     let figures = planned(&arguments, folder.path()).unwrap();
     let curved = &figures["curved_layers"];
     let compared = curved["compared"].as_array().unwrap();

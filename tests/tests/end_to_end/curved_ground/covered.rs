@@ -12,7 +12,7 @@ use headway::pipeline::surface::plan_on_surface;
 use headway::plan_target;
 use headway::settings::Settings;
 use headway::settings::aperture_text::parse_aperture;
-use headway_tests::ground_oracle::{Laid, Look, Nozzle, laid};
+use headway_tests::ground_oracle::{Ground, Laid, Look, Nozzle, Vec3, laid};
 
 fn planned(shape: &Shape, region: &Region, settings: &Settings) -> Plan {
     plan_on_surface(&target(region.clone()), &shape.mesh(), &[], settings, &()).unwrap()
@@ -152,10 +152,19 @@ fn a_nozzle_without_symmetry_covers_curved_ground() {
         exterior: ring(&[[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]]),
         holes: Vec::new(),
     };
-    let plane = plan_target(&target(square.clone()), &settings)
-        .unwrap()
-        .figures;
-    println!("plane covered {:.2} twice {:.2}", plane.covered_pct, plane.overlap_pct);
+    let in_plane = plan_target(&target(square.clone()), &settings).unwrap();
+    let plane = &in_plane.figures;
+    let look = Look {
+        nozzle: Nozzle::Polygon(corners.to_vec()),
+        ..Look::default()
+    };
+    // In the plane by the same oracle.
+    let flat = Ground::new(|u, v| Vec3::new(u, v, 0.0));
+    let flat = laid(&in_plane, &flat, &square, &look);
+    println!(
+        "plane covered {:.2} {:.2} twice {:.2} {:.2} volume {:.4}",
+        plane.covered_pct, flat.covered_pct, plane.overlap_pct, flat.twice_pct, flat.volume_ratio
+    );
     for (name, shift) in [("dome", [9.0, 3.0]), ("arch", [11.0, 0.0])] {
         let shape = shapes()
             .into_iter()
@@ -163,10 +172,6 @@ fn a_nozzle_without_symmetry_covers_curved_ground() {
             .unwrap();
         let region = square.shifted(shift.into());
         let plan = planned(&shape, &region, &settings);
-        let look = Look {
-            nozzle: Nozzle::Polygon(corners.to_vec()),
-            ..Look::default()
-        };
         let found = laid(&plan, &shape.ground(), &region, &look);
         row(name, &found, &plan, &settings);
         assert!(found.covered_pct > plane.covered_pct - 0.3, "{found:?}");

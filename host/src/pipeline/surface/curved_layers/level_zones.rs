@@ -10,11 +10,12 @@ use super::layer_shape::LevelSurface;
 use super::sections::above;
 use super::top_grid::TopGrid;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::boolean::{difference, intersection};
+use crate::geometry::boolean::{difference, filled, intersection};
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Region};
+use crate::geometry::repair::FillRule;
 use crate::geometry::{Point2, Vector2};
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// How deep the end of a nozzle that stays upright may be in a slope, of a layer: in the mean beads are then half as far off
 /// the slope as the stairs of flat layers, a quarter of a layer.
@@ -25,6 +26,8 @@ const STEP_RAD: f64 = PI / HEADINGS as f64;
 /// What a zone with one heading may exceed the bound by: 1.1 is 9° beside the level line on the steepest slope. Beyond a piece
 /// the top goes on a little steeper, which takes the others.
 const ROOM: [f64; 4] = [1.1, 1.3, 1.7, 2.5];
+/// The same for what is too small for a zone of its own.
+const SMALL_ROOM: f64 = 1.8;
 /// Step of the grid, of the nozzle's half length, as long as there are no more than this along an axis.
 const GRID: f64 = 0.5;
 const STEPS_MAX: f64 = 240.0;
@@ -183,8 +186,28 @@ impl Sharing<'_> {
                 return;
             }
             let best = counts.iter().position(|count| *count == most);
-            let heading_rad = candidates.swap_remove(best.unwrap_or(0));
+            let tried = candidates.remove(best.unwrap_or(0));
+            let heading_rad = tried.map(|tried_rad| self.level_rad(tried_rad, room));
             self.take(heading_rad, room, area_min_mm2);
+        }
+    }
+
+    /// The heading along which the slopes that one serves are least, by their squares: that of a ramp's level lines exactly.
+    fn level_rad(&self, heading_rad: f64, room: f64) -> f64 {
+        let cells = self.slopes.slopes.iter().zip(&self.slopes.is_left);
+        let left = cells.filter(|(_, is_left)| **is_left);
+        let served =
+            left.filter(|(slope, _)| self.slopes.depth(**slope, Some(heading_rad)) <= room);
+        // The direction of steepest slopes, doubled so that up and down are the same.
+        let steep = served.fold(Vector2::zeros(), |sum, (slope, _)| {
+            sum + Vector2::new(
+                slope.x * slope.x - slope.y * slope.y,
+                2.0 * slope.x * slope.y,
+            )
+        });
+        match steep.norm() > 0.0 {
+            true => 0.5 * steep.y.atan2(steep.x) + FRAC_PI_2,
+            false => heading_rad,
         }
     }
 
@@ -207,15 +230,30 @@ impl Sharing<'_> {
         });
     }
 
-    /// What is left: small pieces, each with the heading of the level line in its middle.
+    /// What is left, small pieces: each goes to the zone beside it whose heading serves it best, or, where none will do, gets the
+    /// heading of the level line in its middle.
     fn rest(&mut self, top: &LevelSurface) {
         for region in std::mem::take(&mut self.left) {
             let bounds = region.bounds();
             let slope = top.jet(nalgebra::center(&bounds.min, &bounds.max)).slope;
-            self.zones.push(Zone {
-                regions: vec![region],
-                heading_rad: Some(slope[0].atan2(-slope[1])),
+            let slope = Vector2::from(slope);
+            let depth = |zone: &Zone| self.slopes.depth(slope, zone.heading_rad);
+            let mut order: Vec<usize> = (0..self.zones.len()).collect();
+            order.retain(|&zone| depth(&self.zones[zone]) <= SMALL_ROOM);
+            order.sort_by(|&p, &q| depth(&self.zones[p]).total_cmp(&depth(&self.zones[q])));
+            let joined = order.iter().find_map(|&zone| {
+                let own = &self.zones[zone].regions;
+                let rings = own.iter().flat_map(Region::rings).chain(region.rings());
+                let joined = filled(rings, FillRule::Positive);
+                (joined.len() <= own.len()).then_some((zone, joined))
             });
+            match joined {
+                Some((zone, joined)) => self.zones[zone].regions = joined,
+                None => self.zones.push(Zone {
+                    regions: vec![region],
+                    heading_rad: Some(slope.x.atan2(-slope.y)),
+                }),
+            }
         }
     }
 }
@@ -270,7 +308,7 @@ mod tests {
             assert_eq!(steep.len(), 1, "{turn_rad}");
             let heading_rad = steep[0].heading_rad.unwrap();
             let off = up.dot(&Vector2::new(heading_rad.cos(), heading_rad.sin()));
-            assert!(off.abs() < 0.17, "{turn_rad} {heading_rad}");
+            assert!(off.abs() < 1e-4, "{turn_rad} {heading_rad}");
             let gentle = zones(&ramp(0.087), &[square(8.0)], &ELLIPSE, LAYER_MM);
             assert!(gentle.len() == 1 && gentle[0].heading_rad.is_none());
         }

@@ -5,10 +5,14 @@
 //! is stretched across its long axis until the ellipse is a circle of radius a: the plan for a round nozzle there, carried back,
 //! covers as much of the ground, lays as little of it twice, and stays inside the walls as well. Volumes are those of
 //! the layer's own thickness.
+//!
+//! The bead is left by the rear edge of the nozzle, so it is that edge, not its middle, which lies on the layer's top: uphill
+//! the tip is lower than the top by what the slope rises over half the nozzle, downhill higher. Beads that run up and down a
+//! slope with the long axis across it then lie on the slope, although the nozzle is level.
 
 use super::laid_layer::{Context, Ground, Laid, flat, solid};
 use super::layer_shape::{Below, LevelSurface, PartLayer};
-use super::level_zones::zones;
+use super::level_zones::{HANG_SHARE, zones};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::chart::{Chart, ChartJet, Plane};
 use crate::geometry::place_scale::ScaleField;
@@ -21,16 +25,24 @@ use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::layers::region_plan::RegionPlan;
 use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::outline::unreachable::UnreachableRun;
-use crate::plan::route::moves::{Route, RouteMove};
+use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::surface::{LaidOn, on_surface};
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 use nalgebra::Vector3;
 
 /// Points of the nozzle's edge that are held against the layer's top.
-const EDGE_POINTS: usize = 48;
+const EDGE_POINTS: usize = 96;
+/// How far from the ends of a pass the rear edge begins to follow the top, of the nozzle's half length, and how often its
+/// height is averaged with its neighbours', so that it does not jump where the path turns.
+const ENDS: f64 = 2.0;
+const AVERAGINGS: usize = 2;
+/// What the rear edge may be in the layer, of the bound for slopes, and places of a span at which that is looked at.
+const DEEPEST: f64 = 1.1;
+const PLACES: usize = 4;
 
-/// Where the edge of a nozzle is deepest below the top of the layer that it prints.
+/// Where the edge of a nozzle is deepest below the top of the layer that it prints: the rear half of it, seen along the
+/// travel. Before it nothing of the layer is printed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgeDepth {
     /// How deep.
@@ -245,22 +257,96 @@ fn lifted(
     };
     let route = Route { moves: laid.moves };
     laid.moves = on_surface(&route, &on, settings).map_err(SurfaceError::from)?;
+    let prints = laid.moves.iter_mut();
+    for print in prints.filter(|route_move| route_move.state == MotionState::Print) {
+        let deepest_mm = DEEPEST * HANG_SHARE * layer_mm;
+        follow_rear_edge(&mut print.curve, top, &settings.aperture, deepest_mm);
+    }
     laid.edge_depth = edge_depth(&laid.moves, top, &settings.aperture);
     Ok(laid)
 }
 
-/// How deep the nozzle's edge gets below the top of the layer.
+/// Poses and directions of travel at so many places of each span of a curve.
+fn travel(curve: &PathCurve, places: usize) -> Vec<([f64; CHANNELS], Vector2)> {
+    let mut direction = Vector2::x();
+    let knots = (0..=curve.span_count() * places).map(|place| {
+        let knot = place as f64 / places as f64;
+        let tangent = curve.tangent(knot);
+        let step = Vector2::new(tangent[CHANNEL_X], tangent[CHANNEL_Y]);
+        direction = step.try_normalize(1e-9).unwrap_or(direction);
+        (curve.value(knot), direction)
+    });
+    knots.collect()
+}
+
+fn place(pose: &[f64; CHANNELS]) -> Point2 {
+    Point2::new(pose[CHANNEL_X], pose[CHANNEL_Y])
+}
+
+/// Lowers or lifts a pass so that the nozzle's rear edge lies on the layer's top; its ends stay.
+fn follow_rear_edge(
+    curve: &mut PathCurve,
+    top: &LevelSurface,
+    aperture: &Aperture,
+    deepest_mm: f64,
+) {
+    let travel = travel(curve, 1);
+    let steps = travel.windows(2);
+    let mut along_mm = vec![0.0];
+    for pair in steps {
+        let step_mm = (place(&pair[1].0) - place(&pair[0].0)).norm();
+        along_mm.push(along_mm[along_mm.len() - 1] + step_mm);
+    }
+    let whole_mm = along_mm[along_mm.len() - 1];
+    let ends_mm = ENDS * aperture.major_mm();
+    let knots = travel.iter().zip(&along_mm);
+    let mut lifts_mm: Vec<f64> = knots
+        .map(|((pose, direction), along_mm)| {
+            let at = place(pose);
+            let rear = aperture.support_point(pose[CHANNEL_HEADING], -direction);
+            let share = (along_mm.min(whole_mm - along_mm) / ends_mm).clamp(0.0, 1.0);
+            share * share * (3.0 - 2.0 * share) * (top.z_mm(at + rear) - top.z_mm(at))
+        })
+        .collect();
+    for _ in 0..AVERAGINGS {
+        let before = lifts_mm.clone();
+        for (k, near) in before.windows(3).enumerate() {
+            lifts_mm[k + 1] = 0.25 * (near[0] + 2.0 * near[1] + near[2]);
+        }
+    }
+    // Where the path turns, what is averaged lags behind: no deeper than on a straight.
+    for ((pose, direction), lift_mm) in travel.iter().zip(&mut lifts_mm) {
+        let mut pose = *pose;
+        pose[CHANNEL_Z] += *lift_mm;
+        let over_mm = rear_depth_mm(&pose, direction, top, aperture) - deepest_mm;
+        *lift_mm += over_mm.max(0.0);
+    }
+    for (point, lift_mm) in curve.control.iter_mut().zip(lifts_mm) {
+        point[CHANNEL_Z] += lift_mm;
+    }
+}
+
+/// How deep the rear half of the nozzle's edge is below the top of the layer.
+fn rear_depth_mm(
+    pose: &[f64; CHANNELS],
+    direction: &Vector2,
+    top: &LevelSurface,
+    aperture: &Aperture,
+) -> f64 {
+    let at = place(pose);
+    let edge = aperture.outline(pose[CHANNEL_HEADING], EDGE_POINTS);
+    let rear = edge.iter().filter(|to| to.dot(direction) <= 1e-9);
+    let highest_mm = rear.map(|to| top.z_mm(at + to));
+    highest_mm.fold(pose[CHANNEL_Z], f64::max) - pose[CHANNEL_Z]
+}
+
+/// How deep the rear half of the nozzle's edge gets below the top of the layer.
 fn edge_depth(moves: &[RouteMove], top: &LevelSurface, aperture: &Aperture) -> Option<EdgeDepth> {
     let prints = moves.iter().filter(|m| m.state == MotionState::Print);
-    let poses = prints.flat_map(|m| &m.curve.control);
-    let depths = poses.map(|pose: &[f64; CHANNELS]| {
-        let at = Point2::new(pose[CHANNEL_X], pose[CHANNEL_Y]);
-        let edge = aperture.outline(pose[CHANNEL_HEADING], EDGE_POINTS);
-        let highest_mm = edge.iter().map(|to| top.z_mm(at + to));
-        EdgeDepth {
-            depth_mm: highest_mm.fold(pose[CHANNEL_Z], f64::max) - pose[CHANNEL_Z],
-            at_mm: [at.x, at.y, pose[CHANNEL_Z]],
-        }
+    let poses = prints.flat_map(|m| travel(&m.curve, PLACES));
+    let depths = poses.map(|(pose, direction)| EdgeDepth {
+        depth_mm: rear_depth_mm(&pose, &direction, top, aperture),
+        at_mm: [pose[CHANNEL_X], pose[CHANNEL_Y], pose[CHANNEL_Z]],
     });
     depths.fold(None, |deepest, own| EdgeDepth::deeper(deepest, Some(own)))
 }
