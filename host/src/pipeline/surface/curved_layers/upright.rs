@@ -96,7 +96,10 @@ pub fn upright(
         };
         let laid = match zone.heading_rad {
             Some(heading_rad) => stretched(number, &of_zone, heading_rad, &context)?,
-            None => (flat(number..number + 1, &[of_zone.clone()], &context)?, 1.0),
+            None => (
+                flat(number..number + 1, std::slice::from_ref(&of_zone), &context)?,
+                1.0,
+            ),
         };
         let laid = lifted(laid, &of_zone.regions, on, &solid)?;
         let last = laid.moves.last().and_then(|last| last.curve.control.last());
