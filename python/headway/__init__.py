@@ -64,6 +64,7 @@ if TYPE_CHECKING:
         seam_direction_deg: Optional[float]
         first_layer_height_mm: Optional[float]
         layer_range: Optional[tuple[int, int]]
+        curved_layers: Optional[str]
         copies: Optional[int]
         copy_gap_mm: Optional[float]
         gap_mm: Optional[float]
@@ -360,8 +361,8 @@ def plan_file(
 
     ``units`` (mm, cm, m, um, in) and ``scale`` are of its coordinates, ``repair`` mends crossings and open
     contours by the fill rule; ``surface`` is a mesh on which an outline is laid as seen from above. The options are
-    those of :func:`plan`, and of meshes ``first_layer_height_mm`` and ``layer_range`` (first and last, from 1), of runs
-    of waypoints ``gap_mm``, ``corner_tolerance_mm`` and ``place`` ("centre", "best").
+    those of :func:`plan`, and of meshes ``first_layer_height_mm`` and ``layer_range`` (first and last, from 1) and
+    ``curved_layers`` ("auto", "all", "skin", "skin:3": layers that follow the tops), of runs of waypoints ``gap_mm``, ``corner_tolerance_mm`` and ``place`` ("centre", "best").
     """
     given = _known(options, "plan_file")
     stem, ending = _named(path)
@@ -456,6 +457,7 @@ _OPTIONS = frozenset(plan.__kwdefaults__ or ()) - {
 } | {
     "first_layer_height_mm",
     "layer_range",
+    "curved_layers",
     "gap_mm",
     "corner_tolerance_mm",
     "place",

@@ -5,13 +5,14 @@
 
 use crate::{OptionsError, PartError};
 use headway::api::{
-    HeadingLaw, OPTION_NAMES, Options, PassMode, Place, Quality, Reading, SeamPlace, Units,
+    CurvedLayers, HeadingLaw, OPTION_NAMES, Options, PassMode, Place, Quality, Reading, SeamPlace, Units,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// Options that are none of the planner's but of the input's place and reading, as the command calls them.
-const OTHERS: [(&str, &str); 11] = [
+const OTHERS: [(&str, &str); 12] = [
+    ("curved-layers", "curved_layers"),
     ("first-layer-height", "first_layer_height_mm"),
     ("corner-tolerance", "corner_tolerance_mm"),
     ("layer-range", "layer_range"),
@@ -79,6 +80,13 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
             "first_layer_height_mm" => o.first_layer_height_mm = Some(number(&key, &value)?),
             "layer_range" => {
                 o.layer_range = Some(read(&key, &value, "first and last layer, from 1")?)
+            }
+            "curved_layers" => {
+                let text: String = read(&key, &value, "auto, all, skin or skin:M")?;
+                let asked = text.parse::<CurvedLayers>();
+                o.curved_layers = Some(asked.map_err(|error| {
+                    OptionsError::new_err(as_keywords(&error.to_string()))
+                })?);
             }
             "copies" => o.copies = Some(count(&key, &value)?),
             "copy_gap_mm" => o.copy_gap_mm = Some(number(&key, &value)?),

@@ -403,6 +403,29 @@ def test_paths_take_their_options():
         headway.plan_path(rows, layer_range=(1, 2))
 
 
+def test_curved_layers_are_those_of_the_command(tmp_path):
+    gantry = EXAMPLES / "machines" / "gantry.toml"
+    by_command = tmp_path / "command.hwj"
+    words = ["--curved-layers", "skin:2", "--scale", "0.4", "--quality", "fast", "-m", str(gantry)]
+    plan = [command(), "plan", str(EXAMPLES / "cap.stl"), "-o", str(by_command), *words]
+    subprocess.run(plan, check=True, capture_output=True)
+    options = {"machine": gantry, "scale": 0.4, "quality": "fast"}
+    job = headway.plan_file(EXAMPLES / "cap.stl", curved_layers="skin:2", **options)
+    job.write(tmp_path / "python.hwj")
+    assert (tmp_path / "python.hwj").read_bytes() == by_command.read_bytes()
+    curved = job.figures["curved_layers"]
+    assert curved["curved_layers"] == 2
+    assert curved["stair_error_mm3"] < 0.4 * curved["stair_error_flat_mm3"]
+    for given, told in [
+        ({"curved_layers": "some"}, "skin:M"),
+        ({"curved_layers": 3}, "auto, all, skin"),
+        ({"curved_layers": "skin", "copies": 2}, "in one mesh file"),
+        ({"curved_layers": "skin", "layer_range": (1, 2)}, "layer_range does not go with curved_layers"),
+    ]:
+        with pytest.raises(headway.OptionsError, match=told):
+            headway.plan_file(EXAMPLES / "cap.stl", **options, **given)
+
+
 def test_geometry_comes_as_it_is(frame, job):
     exterior = list(frame.exterior.coords)
     hole = list(frame.interiors[0].coords)

@@ -75,6 +75,22 @@ pub fn dome(scale: f64, block_mm: f64, step_mm: f64) -> CurvedPart {
     }
 }
 
+/// A block with a slanted top: its height at the middle, its slope's tangent and direction.
+pub fn ramp(size_mm: [f64; 2], middle_mm: f64, tangent: f64, turn_rad: f64) -> CurvedPart {
+    let [half_x, half_y] = size_mm.map(|side| 0.5 * side);
+    let (sin, cos) = turn_rad.sin_cos();
+    let top = move |x: f64, y: f64| middle_mm + tangent * (x * cos + y * sin);
+    let mesh = solid(9, 9, |i, j| {
+        let [x, y] = [(i, half_x), (j, half_y)].map(|(k, half)| half * (0.25 * k as f64 - 1.0));
+        [x, y, top(x, y)]
+    });
+    CurvedPart {
+        mesh,
+        top_mm: Box::new(move |x, y| (x.abs() < half_x && y.abs() < half_y).then(|| top(x, y))),
+        bounds_mm: [-half_x, -half_y, half_x, half_y],
+    }
+}
+
 /// Half of a tapered wing that lies on its chord: 24 % thick, from 0.6 to 4.3 mm.
 pub fn wing() -> CurvedPart {
     let chord = |x: f64| 30.0 - 0.2 * x;

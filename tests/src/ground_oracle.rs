@@ -3,7 +3,7 @@
 //!
 //! The ground is a map from two parameters to space. Cells of 0.02 mm on it have their true area and a point on the
 //! layer's top; poses are those of the wire's spline by de Boor's algorithm; a cell is covered where its point, in the
-//! tool's frame, lies in the ellipse. Depth outside is measured at the boundary itself: at the short pieces of it that
+//! tool's frame, lies in the nozzle. Depth outside is measured at the boundary itself: at the short pieces of it that
 //! the ellipse overhangs, and at corners that point inwards.
 
 use crate::segment_oracle::Oracle;
@@ -71,12 +71,72 @@ pub struct Laid {
     pub passes: usize,
 }
 
+/// The nozzle's outline in its own plane, mm.
+pub enum Nozzle {
+    /// Semi-axes.
+    Ellipse([f64; 2]),
+    /// Corners of a convex polygon, counter-clockwise.
+    Polygon(Vec<[f64; 2]>),
+}
+
+impl Nozzle {
+    /// Nothing of it is farther from the tip.
+    fn reach_mm(&self) -> f64 {
+        match self {
+            Nozzle::Ellipse([a, _]) => *a,
+            Nozzle::Polygon(corners) => {
+                corners.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max)
+            }
+        }
+    }
+
+    /// Half of what it lays at most.
+    fn half_mm(&self) -> f64 {
+        match self {
+            Nozzle::Ellipse([a, _]) => *a,
+            Nozzle::Polygon(_) => {
+                let turns = (0..180).map(|k| f64::from(k).to_radians());
+                let widths = turns.map(|turn| {
+                    let (sin, cos) = turn.sin_cos();
+                    self.support([cos, sin]).0 + self.support([-cos, -sin]).0
+                });
+                0.5 * widths.fold(0.0, f64::max)
+            }
+        }
+    }
+
+    fn contains(&self, [x, y]: [f64; 2]) -> bool {
+        match self {
+            Nozzle::Ellipse([a, b]) => (x / a).powi(2) + (y / b).powi(2) <= 1.0,
+            Nozzle::Polygon(corners) => (0..corners.len()).all(|k| {
+                let ([px, py], [qx, qy]) = (corners[k], corners[(k + 1) % corners.len()]);
+                (qx - px) * (y - py) - (qy - py) * (x - px) >= 0.0
+            }),
+        }
+    }
+
+    /// How far it reaches in a direction of length 1, and where.
+    fn support(&self, [nx, ny]: [f64; 2]) -> (f64, [f64; 2]) {
+        match self {
+            Nozzle::Ellipse([a, b]) => {
+                let far = (a * nx).hypot(b * ny);
+                (far, [a * a * nx / far, b * b * ny / far])
+            }
+            Nozzle::Polygon(corners) => {
+                let far = |corner: &[f64; 2]| corner[0] * nx + corner[1] * ny;
+                let best = corners.iter().max_by(|p, q| far(p).total_cmp(&far(q)));
+                let best = best.expect("there are corners");
+                (far(best), *best)
+            }
+        }
+    }
+}
+
 /// How to look.
 pub struct Look {
     pub layer: u32,
     pub height_mm: f64,
-    /// Semi-axes of the ellipse.
-    pub axes_mm: [f64; 2],
+    pub nozzle: Nozzle,
     pub cell_mm: f64,
 }
 
@@ -85,7 +145,7 @@ impl Default for Look {
         Look {
             layer: 0,
             height_mm: 0.2,
-            axes_mm: [0.6, 0.2],
+            nozzle: Nozzle::Ellipse([0.6, 0.2]),
             cell_mm: 0.02,
         }
     }
@@ -107,13 +167,13 @@ struct Cells {
 
 /// Looks at a layer of a plan whose outline is a region in the ground's parameters.
 pub fn laid(plan: &Plan, ground: &Ground, region: &Region, look: &Look) -> Laid {
-    let (poses, mut laid) = poses(plan, look.layer);
+    let (poses, mut laid) = poses(plan, look);
     let top_mm = look.height_mm * f64::from(look.layer + 1);
     let cells = cells(ground, region, top_mm, look);
     let mut last = vec![f64::NEG_INFINITY; cells.at.len()];
     let mut twice = vec![false; cells.at.len()];
     let mut near = None;
-    let [a, b] = look.axes_mm;
+    let return_mm = 1.5 * look.nozzle.half_mm();
     for pose in &poses {
         let middle = nearest(&cells, pose.tip, near, ground.period.is_some());
         near = Some(middle);
@@ -121,10 +181,10 @@ pub fn laid(plan: &Plan, ground: &Ground, region: &Region, look: &Look) -> Laid 
             &cells,
             pose,
             middle,
-            [a, b],
+            &look.nozzle,
             ground.period.is_some(),
             |cell| {
-                twice[cell] |= last[cell].is_finite() && pose.path_mm - last[cell] > 1.5 * a;
+                twice[cell] |= last[cell].is_finite() && pose.path_mm - last[cell] > return_mm;
                 last[cell] = pose.path_mm;
             },
         );
@@ -152,15 +212,20 @@ pub fn laid(plan: &Plan, ground: &Ground, region: &Region, look: &Look) -> Laid 
     laid
 }
 
-/// Print poses of a layer no more than a servo tick apart, and their length, time and volume.
-fn poses(plan: &Plan, layer: u32) -> (Vec<Pose>, Laid) {
+/// Print poses of a layer no more than a servo tick apart, a quarter of that for sharp corners, which leave notches from
+/// one to the next; their length, time and volume.
+fn poses(plan: &Plan, look: &Look) -> (Vec<Pose>, Laid) {
+    let per_tick = match look.nozzle {
+        Nozzle::Ellipse(_) => 1,
+        Nozzle::Polygon(_) => 4,
+    };
     let oracle = Oracle::new(&plan.stream);
     let offset = Vec3::from(plan.transform.offset_mm);
     let mut found: Vec<Pose> = Vec::new();
     let mut laid = Laid::default();
     let (mut path_mm, mut pass) = (0.0, None);
     let marks = plan.stream.marks.iter();
-    for mark in marks.filter(|mark| mark.state == MotionState::Print && mark.layer == layer) {
+    for mark in marks.filter(|mark| mark.state == MotionState::Print && mark.layer == look.layer) {
         let is_new = mark.pass != pass;
         if is_new {
             path_mm += 100.0;
@@ -171,8 +236,8 @@ fn poses(plan: &Plan, layer: u32) -> (Vec<Pose>, Laid) {
         let volume = |tick: u64| oracle.at(tick as f64, 0)[6];
         laid.volume_ratio += volume(mark.end_tick) - volume(mark.start_tick);
         laid.print_s += (mark.end_tick - mark.start_tick) as f64 / 2000.0;
-        for tick in mark.start_tick..=mark.end_tick {
-            let pose = oracle.at(tick as f64, 0);
+        for step in per_tick * mark.start_tick..=per_tick * mark.end_tick {
+            let pose = oracle.at(step as f64 / per_tick as f64, 0);
             let tilt = Rotation3::new(Vec3::new(pose[3], pose[4], 0.0));
             let turn = tilt * Rotation3::from_axis_angle(&Vec3::z_axis(), pose[5]);
             let tip = Vec3::new(pose[0], pose[1], pose[2]) - offset;
@@ -271,12 +336,12 @@ fn nearest(cells: &Cells, tip: Vec3, near: Option<[usize; 2]>, wraps: bool) -> [
     }
 }
 
-/// Calls for each cell in the ellipse of a pose.
+/// Calls for each cell in the nozzle of a pose.
 fn visit(
     cells: &Cells,
     pose: &Pose,
     [i, j]: [usize; 2],
-    [a, b]: [f64; 2],
+    nozzle: &Nozzle,
     wraps: bool,
     mut see: impl FnMut(usize),
 ) {
@@ -289,7 +354,7 @@ fn visit(
         beside(here, number(i0 + 1, j0)),
         beside(here, number(i0, j0 + 1)),
     ];
-    let reach = steps.map(|step| (1.25 * a / step).ceil() as i64 + 2);
+    let reach = steps.map(|step| (1.25 * nozzle.reach_mm() / step).ceil() as i64 + 2);
     for dj in -reach[1]..=reach[1] {
         let row = j as i64 + dj;
         if row < 0 || row >= rows as i64 {
@@ -307,8 +372,8 @@ fn visit(
             }
             let cell = number(column as usize, row as usize);
             let off = cells.at[cell] - pose.tip;
-            let (x, y) = (pose.axes[0].dot(&off) / a, pose.axes[1].dot(&off) / b);
-            if x * x + y * y <= 1.0 && pose.axes[2].dot(&off).abs() < 0.4 {
+            let seen = [pose.axes[0].dot(&off), pose.axes[1].dot(&off)];
+            if nozzle.contains(seen) && pose.axes[2].dot(&off).abs() < 0.4 {
                 see(cell);
             }
         }
@@ -318,9 +383,9 @@ fn visit(
 /// Length of the pieces into which the boundary is cut, mm.
 const PIECE_MM: f64 = 0.02;
 
-/// How far an ellipse leaves the region at most.
+/// How far a nozzle leaves the region at most; corners that point inwards are looked at for ellipses only.
 fn depth_mm(poses: &[Pose], ground: &Ground, region: &Region, top_mm: f64, look: &Look) -> f64 {
-    let [a, b] = look.axes_mm;
+    let reach_mm = look.nozzle.reach_mm();
     // Pieces of the boundary on the layer, the inside to the left, in buckets of space.
     let mut pieces: Vec<[Vec3; 2]> = Vec::new();
     let mut inward: Vec<Vec3> = Vec::new();
@@ -364,21 +429,24 @@ fn depth_mm(poses: &[Pose], ground: &Ground, region: &Region, top_mm: f64, look:
             let key = [0, 1, 2].map(|c| middle[c] + offset / [1, 3, 9][c] % 3 - 1);
             for &number in buckets.get(&key).into_iter().flatten() {
                 let [p, q] = pieces[number].each_ref().map(seen);
-                if p[2].abs() > 0.4 || p[0].hypot(p[1]) > 1.2 * a {
+                if p[2].abs() > 0.4 || p[0].hypot(p[1]) > 1.2 * reach_mm {
                     continue;
                 }
                 let along = [q[0] - p[0], q[1] - p[1]];
                 let length = along[0].hypot(along[1]);
                 // Outwards is to the right.
                 let normal = [along[1] / length, -along[0] / length];
-                let support = (a * normal[0]).hypot(b * normal[1]);
-                let touch = [a * a * normal[0] / support, b * b * normal[1] / support];
+                let (support, touch) = look.nozzle.support(normal);
                 let share = ((touch[0] - p[0]) * along[0] + (touch[1] - p[1]) * along[1]) / length;
                 if (-1e-9..=length).contains(&share) {
                     deepest = deepest.max(support - normal[0] * p[0] - normal[1] * p[1]);
                 }
             }
         }
+        let Nozzle::Ellipse([a, b]) = look.nozzle else {
+            assert!(inward.is_empty(), "corners that point inwards");
+            continue;
+        };
         for corner in &inward {
             let [x, y, z] = seen(corner);
             let share = (x / a).hypot(y / b);

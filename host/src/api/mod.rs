@@ -33,6 +33,7 @@ mod streaming;
 
 pub use crate::input::Units;
 pub use crate::job::MotionState;
+pub use crate::settings::curved_layers::CurvedLayers;
 pub use crate::settings::options::{OPTION_NAMES, Options};
 pub use crate::settings::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
 pub use job::{Job, Simulation};

@@ -18,6 +18,7 @@ use crate::pipeline::gcode::plan_gcode;
 use crate::pipeline::mesh::{FirstLayer, PartContext, plan_part_in_pieces};
 use crate::pipeline::packing::{JobFacts, JobPacking, job_header};
 use crate::pipeline::planned::{LaidPart, Planned};
+use crate::pipeline::surface::curved_layers::{Beside, plan_curved_layers};
 use crate::pipeline::surface::{plan_on_patch, plan_on_surface};
 use crate::pipeline::{PlanError, plan_target_around, plan_waypoints_with_progress};
 use crate::plan::progress::{Progress, Stage};
@@ -132,6 +133,12 @@ fn planned(
     let begun = Instant::now();
     let plan_s = || begun.elapsed().as_secs_f64();
     let (planned, target, settings) = match &part.what {
+        What::Mesh(loaded) if options.curved_layers.is_some() => {
+            check_beside(part, loaded, options)?;
+            let asked = options.curved_layers.unwrap_or_default();
+            let planned = plan_curved_layers(&loaded.mesh, asked, &settings, progress);
+            (planned, unfilled(part), settings)
+        }
         What::Mesh(loaded) => {
             return planned_mesh(part, loaded, (options, settings), packing, progress);
         }
@@ -196,6 +203,25 @@ fn check_options(part: &Part, options: &Options) -> Result<(), Error> {
             };
             Err(Error::Options(format!("{option} goes with {kind}{why}")))
         }
+        None => Ok(()),
+    }
+}
+
+/// Refuses what does not go with curved layers.
+fn check_beside(part: &Part, loaded: &LoadedMesh, options: &Options) -> Result<(), Error> {
+    let copied = options.copies.is_some() || options.copy_gap_mm.is_some();
+    let given = [
+        (Beside::KeepOut, !part.keep_out.is_empty()),
+        (Beside::LayerRange, options.layer_range.is_some()),
+        (
+            Beside::FirstLayerHeight,
+            options.first_layer_height_mm.is_some(),
+        ),
+        (Beside::Copies, copied),
+        (Beside::Carved, !loaded.carved.is_empty()),
+    ];
+    match given.iter().find(|(_, given)| *given) {
+        Some((beside, _)) => Err(Error::Options(beside.refusal().to_string())),
         None => Ok(()),
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Layers that follow the top, and the stairs that are left.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CurvedLayerFigures {
     /// Flat layers.
@@ -20,20 +20,41 @@ pub struct CurvedLayerFigures {
     pub thickness_max: f64,
     /// Steepest slope of a curved layer.
     pub slope_max_deg: f64,
+    /// How deep the nozzle's edge gets below the top of the layer that it prints, where the head stays upright.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub edge_depth_mm: Option<f64>,
+    /// What was compared, where the planner chose.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub compared: Vec<ComparedFigures>,
+}
+
+/// One way of dividing the part into layers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ComparedFigures {
+    /// As the option has it.
+    pub curved_layers: String,
+    /// Volume between the printed top and the part's.
+    pub stair_error_mm3: f64,
+    /// Printing time, estimated from one layer of each kind.
+    pub print_s: f64,
 }
 
 impl CurvedLayerFigures {
     /// In one line.
     pub fn text(&self) -> String {
+        let edge = self.edge_depth_mm;
+        let edge = edge.map(|mm| format!("; the upright nozzle's edge {mm:.3} mm in the layer"));
         format!(
-            "{} over {} flat ones, {:.2} to {:.2} layers thick, up to {:.1}° steep; stairs {:.2} mm³ instead of {:.2}",
+            "{} over {} flat ones, {:.2} to {:.2} layers thick, up to {:.1}° steep; stairs {:.2} mm³ instead of {:.2}{}",
             self.curved_layers,
             self.flat_layers,
             self.thickness_min,
             self.thickness_max,
             self.slope_max_deg,
             self.stair_error_mm3,
-            self.stair_error_flat_mm3
+            self.stair_error_flat_mm3,
+            edge.unwrap_or_default()
         )
     }
 }

@@ -8,6 +8,7 @@ pub mod aperture_text;
 pub mod axes_words;
 mod check;
 mod choices;
+pub mod curved_layers;
 mod defaults;
 pub mod drivers;
 mod error;

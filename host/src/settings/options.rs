@@ -4,6 +4,7 @@
 //! as a whole. The same for the command and for library users. Leaves out where the input lies.
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
+use super::curved_layers::CurvedLayers;
 use super::run_options::{RunOptions, RunOptionsError};
 use super::{HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings, SettingsError};
 
@@ -58,6 +59,9 @@ macro_rules! options {
             /// First and last layer of a mesh that are wanted, from 1.
             #[cfg_attr(feature = "command", arg(skip))]
             pub layer_range: Option<[u32; 2]>,
+            /// Layers of a mesh that follow its tops.
+            #[cfg_attr(feature = "command", arg(skip))]
+            pub curved_layers: Option<CurvedLayers>,
             /// How many of the part, in rows.
             #[cfg_attr(feature = "command", arg(skip))]
             pub copies: Option<u32>,
@@ -232,6 +236,7 @@ impl Options {
         first_given(&[
             ("--first-layer-height", self.first_layer_height_mm.is_some()),
             ("--layer-range", self.layer_range.is_some()),
+            ("--curved-layers", self.curved_layers.is_some()),
         ])
     }
 

@@ -8,13 +8,12 @@ use crate::cli::terminal::console::Console;
 use crate::input::Target;
 use crate::mesh::LoadedMesh;
 use crate::pipeline::planned::Planned;
-use crate::pipeline::surface::curved_layers::{CurvedLayers, SKIN_LAYERS, plan_curved_layers};
+use crate::pipeline::surface::curved_layers::{Beside, plan_curved_layers};
 use crate::settings::Settings;
+use crate::settings::curved_layers::CurvedLayers;
 use std::path::Path;
+use std::str::FromStr;
 use std::time::Instant;
-
-/// Maximum number of curved layers.
-const SKIN_LAYERS_MAX: u32 = 100;
 
 /// Plans a mesh in curved layers.
 pub(crate) fn from_mesh(
@@ -24,7 +23,9 @@ pub(crate) fn from_mesh(
     settings: Settings,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    let asked = asked(place.curved_layers.as_deref().unwrap_or_default())?;
+    let asked = place.curved_layers.as_deref().unwrap_or_default();
+    let asked =
+        CurvedLayers::from_str(asked).map_err(|error| CliError::Usage(error.to_string()))?;
     if let Some(problem) = other_option(&loaded, place, settings_args) {
         return Err(CliError::Usage(problem));
     }
@@ -47,28 +48,6 @@ pub(crate) fn from_mesh(
     ))
 }
 
-/// Which layers are to be curved.
-fn asked(text: &str) -> Result<CurvedLayers, CliError> {
-    let skin = |count: &str| {
-        count
-            .parse()
-            .ok()
-            .filter(|count| (1..=SKIN_LAYERS_MAX).contains(count))
-    };
-    let asked = match text.split_once(':') {
-        None if text == "auto" => Some(CurvedLayers::Auto),
-        None if text == "all" => Some(CurvedLayers::All),
-        None if text == "skin" => Some(CurvedLayers::Skin(SKIN_LAYERS)),
-        Some(("skin", count)) => skin(count).map(CurvedLayers::Skin),
-        _ => None,
-    };
-    asked.ok_or_else(|| {
-        CliError::Usage(format!(
-            "--curved-layers {text}: write auto, all, skin or skin:M with M from 1 to {SKIN_LAYERS_MAX}, as in skin:3"
-        ))
-    })
-}
-
 /// What does not go with curved layers, and what to do.
 fn other_option(
     loaded: &LoadedMesh,
@@ -77,24 +56,20 @@ fn other_option(
 ) -> Option<String> {
     let layers = &place.layers;
     let given = [
-        ("--keep-out", place.keep_out.is_some()),
-        ("--layer-range", layers.layer_range.is_some()),
-        ("--layer-heights", layers.layer_heights.is_some()),
-        ("--first-layer-height", layers.first_layer_height.is_some()),
-        ("--first-layer-speed", place.first_layer_speed.is_some()),
-        ("--cache", place.cache.is_some()),
-        ("--copies or a second --at", copies::option(place).is_some()),
+        (Beside::KeepOut, place.keep_out.is_some()),
+        (Beside::LayerRange, layers.layer_range.is_some()),
+        (Beside::LayerHeights, layers.layer_heights.is_some()),
+        (
+            Beside::FirstLayerHeight,
+            layers.first_layer_height.is_some(),
+        ),
+        (Beside::FirstLayerSpeed, place.first_layer_speed.is_some()),
+        (Beside::Cache, place.cache.is_some()),
+        (Beside::Copies, copies::option(place).is_some()),
+        (Beside::Carved, !loaded.carved.is_empty()),
     ];
-    let given = given.iter().find(|(_, given)| *given);
-    if let Some((option, _)) = given {
-        return Some(format!(
-            "{option} does not go with --curved-layers: leave one of them out"
-        ));
-    }
-    if !loaded.carved.is_empty() {
-        return Some(
-            "--curved-layers: the file cuts volumes away from its objects; export the part as one mesh".to_string(),
-        );
+    if let Some((beside, _)) = given.iter().find(|(_, given)| *given) {
+        return Some(beside.refusal().to_string());
     }
     let has_layers = settings_args.options.layers.is_some();
     has_layers.then(|| "--layers goes with outlines: a mesh has its own".to_string())

@@ -16,6 +16,8 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
         on_surface(plan),
         sharp_bend(plan),
         curved_layers(plan),
+        compared_layers(plan),
+        edge_depth(plan, settings),
         hangs(plan),
         left_out(plan),
         found_place(plan),
@@ -61,6 +63,39 @@ fn curved_layers(plan: &Plan) -> Option<String> {
         curved.thickness[0],
         curved.thickness[1],
         curved.slope_max_rad.to_degrees()
+    ))
+}
+
+/// What was compared where the planner chose which layers are curved.
+fn compared_layers(plan: &Plan) -> Option<String> {
+    let curved = plan.curved_layers.as_ref()?;
+    let [one, other] = curved.compared[..] else {
+        return None;
+    };
+    // What has flat layers is the skin.
+    let is_skin = curved.layers[0] > 0;
+    let [taken, left] = if is_skin { [one, other] } else { [other, one] };
+    Some(format!(
+        "--curved-layers auto: {} leaves {:.2} mm³ of stairs in about {:.0} s of printing, {} {:.2} mm³ in {:.0} s; {} is printed",
+        taken.layers,
+        taken.stair_error_mm3,
+        taken.seconds,
+        left.layers,
+        left.stair_error_mm3,
+        left.seconds,
+        taken.layers
+    ))
+}
+
+/// How deep a nozzle that stays upright goes into its layer.
+fn edge_depth(plan: &Plan, settings: &Settings) -> Option<String> {
+    let deepest = plan.curved_layers.as_ref()?.edge_depth?;
+    let [x, y, z] = deepest.at_mm;
+    Some(format!(
+        "the nozzle stays upright: its edge is up to {:.3} mm ({:.2} layers) below the top of the layer that it prints, near \
+         ({x:.2}, {y:.2}, {z:.2})",
+        deepest.depth_mm,
+        deepest.depth_mm / settings.layer_height_mm
     ))
 }
 

@@ -9,7 +9,7 @@
 //! counts as reachable.
 
 use super::figures::Swept;
-use super::measure::{STEP, STEP_RAD};
+use super::measure::{STEP_RAD, longest_step_mm};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::chart::{Chart, SurfaceFrame};
 use crate::geometry::clearance::{Configuration, outside_bound_mm};
@@ -132,7 +132,7 @@ fn poses_by_layer(
     is_of_regions: impl Fn(u32) -> bool,
 ) -> Vec<LayerPoses> {
     let servo_hz = f64::from(settings.machine.servo_hz);
-    let step_mm = STEP * settings.aperture.unit_mm();
+    let step_mm = longest_step_mm(&settings.aperture);
     let mut layers: Vec<LayerPoses> = Vec::new();
     let (mut path_mm, mut pass_before) = (0.0, None);
     let mut before: Option<Pose> = None;

@@ -338,7 +338,7 @@ fn walk_stream(
 }
 
 /// What [`STEP`] is for the default ellipse; less where corners of a polygon are sharper.
-fn longest_step_mm(aperture: &Aperture) -> f64 {
+pub(super) fn longest_step_mm(aperture: &Aperture) -> f64 {
     let unit_mm = aperture.unit_mm();
     match aperture {
         Aperture::Ellipse { .. } => STEP * unit_mm,

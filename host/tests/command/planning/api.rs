@@ -10,7 +10,9 @@ mod watch_and_stop;
 
 use crate::rig::board::{Board, job};
 use crate::rig::{headway, stderr};
-use headway::api::{Error, Job, Machine, Options, Part, Quality, Reading, plan, plan_watched};
+use headway::api::{
+    CurvedLayers, Error, Job, Machine, Options, Part, Quality, Reading, plan, plan_watched,
+};
 use headway::drive::transport::Port;
 use std::fmt::Write;
 use std::ops::ControlFlow;
@@ -157,6 +159,12 @@ fn options_of_another_kind_are_refused() {
     };
     let text = refused("taper.json", &|o| o.gap_mm = Some(3.0));
     assert!(text.contains("--gap goes with runs of waypoints"), "{text}");
+    let text = refused("taper.json", &|o| o.curved_layers = Some(CurvedLayers::All));
+    assert!(text.contains("--curved-layers goes with meshes"), "{text}");
+    let text = refused("hook.stl", &|o| {
+        (o.curved_layers, o.copies) = (Some(CurvedLayers::Auto), Some(2));
+    });
+    assert!(text.contains("in one mesh file"), "{text}");
     let text = refused("taper.json", &|o| o.layer_range = Some([1, 2]));
     assert!(text.contains("--layer-range goes with meshes"), "{text}");
     let text = refused("gear-6axis.wpt", &|o| o.copies = Some(2));

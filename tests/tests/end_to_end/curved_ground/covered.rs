@@ -11,7 +11,8 @@ use headway::geometry::polygon::Region;
 use headway::pipeline::surface::plan_on_surface;
 use headway::plan_target;
 use headway::settings::Settings;
-use headway_tests::ground_oracle::{Laid, Look, laid};
+use headway::settings::aperture_text::parse_aperture;
+use headway_tests::ground_oracle::{Ground, Laid, Look, Nozzle, Vec3, laid};
 
 fn planned(shape: &Shape, region: &Region, settings: &Settings) -> Plan {
     plan_on_surface(&target(region.clone()), &shape.mesh(), &[], settings, &()).unwrap()
@@ -132,6 +133,58 @@ fn curved_ground_is_covered_as_the_plane_is() {
         assert!(
             // A row of cells along a side of 8 mm.
             (f.area_mm2 / found.area_mm2 - 1.0).abs() < 5e-3,
+            "{found:?}"
+        );
+        assert_printed(&plan, &settings);
+    }
+}
+
+/// Goal: a polygon that no turn but a whole one brings onto itself covers curved ground as the plane, and stays inside. Method:
+/// a trapezoid of 1.1 x 0.5 to 0.3 mm on a dome and an arch, judged by its corners in the tool's frame.
+#[test]
+fn a_nozzle_without_symmetry_covers_curved_ground() {
+    let corners = [[-0.5, -0.25], [0.6, -0.15], [0.6, 0.15], [-0.5, 0.25]];
+    let mut settings = fast_gantry();
+    let text = format!("polygon:{corners:?}").replace(' ', "");
+    settings.aperture = parse_aperture(&text).unwrap();
+    assert!(settings.aperture.period_rad() > 6.0);
+    let square = Region {
+        exterior: ring(&[[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]]),
+        holes: Vec::new(),
+    };
+    let in_plane = plan_target(&target(square.clone()), &settings).unwrap();
+    let plane = &in_plane.figures;
+    let look = Look {
+        nozzle: Nozzle::Polygon(corners.to_vec()),
+        ..Look::default()
+    };
+    // In the plane by the same oracle.
+    let flat = Ground::new(|u, v| Vec3::new(u, v, 0.0));
+    let flat = laid(&in_plane, &flat, &square, &look);
+    println!(
+        "plane covered {:.2} {:.2} twice {:.2} {:.2} volume {:.4}",
+        plane.covered_pct, flat.covered_pct, plane.overlap_pct, flat.twice_pct, flat.volume_ratio
+    );
+    for (name, shift) in [("dome", [9.0, 3.0]), ("arch", [11.0, 0.0])] {
+        let shape = shapes()
+            .into_iter()
+            .find(|shape| shape.name == name)
+            .unwrap();
+        let region = square.shifted(shift.into());
+        let plan = planned(&shape, &region, &settings);
+        let found = laid(&plan, &shape.ground(), &region, &look);
+        row(name, &found, &plan, &settings);
+        assert!(found.covered_pct > plane.covered_pct - 0.3, "{found:?}");
+        assert!(found.twice_pct < plane.overlap_pct + 0.5, "{found:?}");
+        assert!(found.depth_um < 2.0, "{found:?}");
+        assert!((found.volume_ratio - 1.0).abs() < 0.01, "{found:?}");
+        let f = &plan.figures;
+        assert!(
+            (f.covered_pct - found.covered_pct).abs() < 0.15,
+            "{found:?}"
+        );
+        assert!(
+            (1e3 * f.outside_depth_mm - found.depth_um).abs() < 1.0,
             "{found:?}"
         );
         assert_printed(&plan, &settings);

@@ -4,3 +4,5 @@ mod picture;
 mod printed;
 mod refused;
 mod stairs;
+mod upright;
+mod whole;

@@ -14,7 +14,7 @@ use headway_tests::segment_oracle::Oracle;
 use nalgebra::{Rotation3, Vector3};
 
 /// Simulated without a fault, within the limits, the pose as near as half a step and 5 um explain.
-fn assert_printed(plan: &Plan, settings: &Settings) {
+pub(super) fn assert_printed(plan: &Plan, settings: &Settings) {
     let mut settings = settings.clone();
     settings.machine = plan.stream.machine(&settings.machine);
     let printed = dry_run(&plan.stream, &settings, &SimulatorSetup::default(), |_| {}).unwrap();
@@ -38,7 +38,7 @@ fn assert_printed(plan: &Plan, settings: &Settings) {
 const CELL_MM: f64 = 0.1;
 
 /// Stairs by the wire and by flat layers, and the volume that is laid, mm³.
-fn by_the_wire(plan: &Plan, part: &CurvedPart) -> [f64; 3] {
+pub(super) fn by_the_wire(plan: &Plan, part: &CurvedPart) -> [f64; 3] {
     let [x_low, y_low, x_high, y_high] = part.bounds_mm;
     let [columns, rows] =
         [x_high - x_low, y_high - y_low].map(|side| (side / CELL_MM).round() as usize);

@@ -76,6 +76,11 @@ pub enum CurvedLayersError {
         /// What is needed.
         least_pct: f64,
     },
+    /// Loops that rise.
+    #[error(
+        "--curved-layers: layers that follow the top do not rise along a bead: leave --continuous-z out, or --curved-layers"
+    )]
+    ContinuousZ,
     /// More layers than a job has.
     #[error(
         "--curved-layers: {layers} layers, and a job has at most {most}: use a greater --layer-height"

@@ -6,8 +6,8 @@
 //! surface holds for it; its volume is that between its top and what it is laid on.
 
 use super::layer_shape::{Below, LevelSurface, PartLayer};
-use crate::geometry::chart::{Chart, ChartJet, Plane};
-use crate::geometry::place_scale::ScaleField;
+use super::upright::EdgeDepth;
+use crate::geometry::chart::Chart;
 use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::spline_surface::{FittedSurface, SplineSurface};
 use crate::geometry::{Point2, Vector2};
@@ -22,7 +22,7 @@ use crate::plan::layers::PlanePass;
 use crate::plan::layers::layer_groups::{LayerGroup, LayerKind, RegionPrint, StackLayer};
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
-use crate::plan::route::moves::{Route, RouteMove};
+use crate::plan::route::moves::RouteMove;
 use crate::plan::route::surface::{LaidOn, on_surface};
 use crate::settings::{Infill, Settings, Skirt};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
@@ -43,6 +43,8 @@ pub struct Laid {
     pub left_out: Vec<LeftOut>,
     /// What they lie on.
     pub on: Ground,
+    /// How deep the nozzle's edge gets below the layer's top, where the head stays upright on a slope.
+    pub edge_depth: Option<EdgeDepth>,
 }
 
 /// What layers lie on.
@@ -123,6 +125,7 @@ pub fn flat(
             kinds: routed.kinds,
             prints: routed.prints,
         },
+        edge_depth: None,
     })
 }
 
@@ -143,7 +146,7 @@ fn empty_stack<'a>(start: [f64; CHANNELS]) -> Stack<'a> {
 }
 
 /// The same settings with an inside that is solid.
-fn solid(settings: &Settings) -> Settings {
+pub fn solid(settings: &Settings) -> Settings {
     Settings {
         infill: settings.infill.map(|infill| Infill {
             density_pct: 100.0,
@@ -222,61 +225,8 @@ pub fn curved(
         print_of_curve: routed.print_of_curve,
         left_out,
         on: Ground::Surface(Box::new(laid)),
+        edge_depth: None,
     })
-}
-
-/// Heights over the plane, for a tool that stays upright: seen from above nothing is changed.
-struct Upright<'a>(&'a LevelSurface);
-
-impl Chart for Upright<'_> {
-    fn jet(&self, at: Point2) -> ChartJet {
-        ChartJet {
-            at_mm: Vector3::new(at.x, at.y, self.0.z_mm(at)),
-            along: [Vector3::x(), Vector3::y()],
-            bend: [Vector3::zeros(); 3],
-        }
-    }
-}
-
-/// Plans a curved layer in the plane and lifts it, for a head that does not tilt.
-///
-/// # Errors
-/// [`PlanError`]; a region that cannot be planned is left out instead.
-pub fn upright(
-    number: u32,
-    layer: &PartLayer,
-    (top, below): (&LevelSurface, &Below),
-    context: &Context,
-) -> Result<Laid, PlanError> {
-    let layer_mm = context.settings.layer_height_mm;
-    let layers = [PartLayer {
-        rank_mm: 0.0,
-        ..layer.clone()
-    }];
-    let solid = solid(context.settings);
-    let context = &Context {
-        settings: &solid,
-        ..*context
-    };
-    let mut laid = flat(number..number + 1, &layers, context)?;
-    let corners = layer
-        .regions
-        .iter()
-        .map(Region::bounds)
-        .flat_map(|b| [b.min, b.max]);
-    let bounds = Box2::of(&corners.collect::<Vec<_>>());
-    let Some(scale) = ScaleField::of(&Plane, bounds, |_| true, 0.0) else {
-        return Ok(laid);
-    };
-    let volume_factor = |at: Point2| (top.z_mm(at) - below.z_mm(at)) / layer_mm;
-    let on = LaidOn {
-        chart: &Upright(top),
-        scale: &scale,
-        volume_factor: Some(&volume_factor),
-    };
-    let route = Route { moves: laid.moves };
-    laid.moves = on_surface(&route, &on, context.settings).map_err(SurfaceError::from)?;
-    Ok(laid)
 }
 
 /// The surface a layer height below another along its normal.

@@ -7,22 +7,30 @@
 //! ```
 //! In: a closed mesh (mm, input coordinates). Out: a [`Plan`] whose layers follow each other as one job. **Skin**: flat
 //! layers with so many curved ones over them (`skin`). **All**: one smooth function has the layers as its whole values
-//! (`field`). Which of them, unless it is said, is what leaves less of the stairs, or as much in less time. Leaves out:
+//! (`field`). Which of them, unless it is said, stairs and seconds decide (`chosen`). Leaves out:
 //! supports, keep-outs, copies, layers of several heights; curved layers are solid.
 
 mod all_curved;
+mod beside;
+mod chosen;
 mod error;
 mod field;
 mod laid_layer;
 pub mod layer_shape;
+mod level_zones;
 mod one_job;
 mod sections;
 mod skin;
 mod smooth_top;
 mod stair_error;
 mod top_grid;
+mod upright;
 
+pub use crate::settings::curved_layers::{CurvedLayers, SKIN_LAYERS};
+pub use beside::Beside;
+pub use chosen::Compared;
 pub use error::CurvedLayersError;
+pub use upright::EdgeDepth;
 
 use super::laid_ground::open_places;
 use crate::geometry::polygon::Region;
@@ -44,24 +52,6 @@ use top_grid::{Piece, TopGrid};
 
 /// Least area of a piece of the top, of the nozzle's half length squared: room for a few beads.
 const PIECE_AREA: f64 = 16.0;
-/// How deep the end of a nozzle that stays upright may be in a slope, of a layer: in the mean beads are then half as far off
-/// the slope as the stairs of flat layers, a quarter of a layer.
-const HANG_SHARE: f64 = 0.3;
-/// Curved layers of a skin, where nobody says how many.
-pub const SKIN_LAYERS: u32 = 3;
-
-/// Which layers are curved.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CurvedLayers {
-    /// All or a skin, by the stair error that is left.
-    #[default]
-    Auto,
-    /// All of them.
-    All,
-    /// So many on top of flat ones.
-    Skin(u32),
-}
-
 /// What curved layers come to.
 #[derive(Clone, Debug, Default)]
 pub struct CurvedFigures {
@@ -73,6 +63,10 @@ pub struct CurvedFigures {
     pub thickness: [f64; 2],
     /// Steepest slope of one, rad.
     pub slope_max_rad: f64,
+    /// What was compared, where nobody said which layers are curved.
+    pub compared: Vec<Compared>,
+    /// How deep the nozzle's edge gets below the top of the layer that it prints, where the head stays upright.
+    pub edge_depth: Option<EdgeDepth>,
     /// What of the part hangs farther than half a bead over what is below, mm², and the worst place, input coordinates.
     pub hanging: Option<(f64, [f64; 3])>,
     /// What was covered of curved layers.
@@ -133,11 +127,12 @@ pub fn divided(
     settings: &Settings,
 ) -> Result<DividedPart, CurvedLayersError> {
     let job = Job::of(mesh, settings)?;
+    let (division, compared) = job.divided(asked)?;
     let Division {
         layers,
         stair_error_mm3,
         bounds,
-    } = job.divided(asked)?;
+    } = division;
     let flat_mm3 = stair_error::of_flat_layers(&job.grid, job.layer_mm);
     let curved = layers.iter().filter(|layer| layer.is_curved()).count() as u32;
     Ok(DividedPart {
@@ -147,6 +142,7 @@ pub fn divided(
             thickness: bounds.thickness,
             slope_max_rad: bounds.slope.atan(),
             hanging: job.hanging(),
+            compared,
             ..CurvedFigures::default()
         },
         layers,
@@ -192,8 +188,14 @@ impl<'a> Job<'a> {
         let free_tilt_rad = head.map_or(FREE_TILT_UNKNOWN_RAD, |head| head.free_tilt_rad());
         match self.settings.tilts() {
             true => free_tilt_rad.tan().min(SLOPE_MAX),
-            // What the upper end of the nozzle is below the ground beside it.
-            false => HANG_SHARE * self.layer_mm / self.settings.aperture.major_mm(),
+            false => {
+                let slope_max = level_zones::slope_max(&self.settings.aperture, self.layer_mm);
+                // A flat end that is wider than the aperture goes into what is printed beside it.
+                let of_tip = head.map_or(f64::INFINITY, |head| {
+                    head.tip_slack_mm(self.layer_mm) / head.profile().tip_radius_mm().max(1e-9)
+                });
+                slope_max.min(of_tip).min(SLOPE_MAX)
+            }
         }
     }
 
@@ -227,22 +229,30 @@ impl<'a> Job<'a> {
         }
     }
 
-    fn divided(&self, asked: CurvedLayers) -> Result<Division, CurvedLayersError> {
-        self.check_inside(asked)?;
+    /// The division that is asked for, or the better one with what was compared.
+    fn divided(&self, asked: CurvedLayers) -> Result<(Division, Vec<Compared>), CurvedLayersError> {
+        self.check_settings(asked)?;
         let pieces = self.pieces()?.into_par_iter();
         let tops: Vec<FollowedTop> = pieces.map(|piece| FollowedTop::of(self, piece)).collect();
         let skin = |count: u32| Ok(self.judged(skin::layers_with_skin(self, &tops, count)?));
         let usual = SKIN_LAYERS.min(skin::layers_max(self, &tops).0).max(1);
-        match asked {
+        let one = match asked {
             CurvedLayers::Skin(count) => skin(count),
             CurvedLayers::All => self.all(&tops),
             CurvedLayers::Auto if self.is_sparse() => skin(usual),
             CurvedLayers::Auto => match (skin(usual), self.all(&tops)) {
-                (Ok(skin), Ok(all)) => Ok(self.better(skin, all)),
+                (Ok(skin), Ok(all)) => return Ok(self.better(usual, skin, all)),
                 (skin, Err(_)) => skin,
                 (Err(_), all) => all,
             },
-        }
+        };
+        Ok((one?, Vec::new()))
+    }
+
+    fn better(&self, usual: u32, skin: Division, all: Division) -> (Division, Vec<Compared>) {
+        let flat_mm3 = stair_error::of_flat_layers(&self.grid, self.layer_mm);
+        let (both, is_all) = chosen::compared((usual, &skin), &all, flat_mm3, self.settings);
+        (if is_all { all } else { skin }, both.to_vec())
     }
 
     fn is_sparse(&self) -> bool {
@@ -250,8 +260,11 @@ impl<'a> Job<'a> {
         infill.is_some_and(|infill| !infill.is_solid())
     }
 
-    /// Whether the inside that is asked for can be had.
-    fn check_inside(&self, asked: CurvedLayers) -> Result<(), CurvedLayersError> {
+    /// Whether the settings go with curved layers, and the inside that is asked for can be had.
+    fn check_settings(&self, asked: CurvedLayers) -> Result<(), CurvedLayersError> {
+        if self.settings.wide_beads.continuous_z {
+            return Err(CurvedLayersError::ContinuousZ);
+        }
         let infill = self.settings.infill.as_ref().filter(|_| self.is_sparse());
         let Some(infill) = infill else {
             return Ok(());
@@ -276,17 +289,6 @@ impl<'a> Job<'a> {
         Ok(all)
     }
 
-    /// What leaves less of the stairs; where both leave about as much, what takes less time.
-    fn better(&self, skin: Division, all: Division) -> Division {
-        let flat_mm3 = stair_error::of_flat_layers(&self.grid, self.layer_mm);
-        let differ = (all.stair_error_mm3 - skin.stair_error_mm3) / flat_mm3.max(1e-12);
-        let is_all = match differ.abs() < AS_GOOD {
-            true => area_mm2(&all.layers) < FASTER * area_mm2(&skin.layers),
-            false => differ < 0.0,
-        };
-        if is_all { all } else { skin }
-    }
-
     fn judged(&self, layers: Vec<PartLayer>) -> Division {
         Division {
             stair_error_mm3: stair_error::of_layers(&self.grid, &layers),
@@ -296,16 +298,6 @@ impl<'a> Job<'a> {
     }
 }
 
-/// All that layers print: with one nozzle and speed their time is about that, mm².
-fn area_mm2(layers: &[PartLayer]) -> f64 {
-    let regions = layers.iter().flat_map(|layer| &layer.regions);
-    regions.map(Region::area_mm2).sum()
-}
-
-/// Stairs that differ by less of those of flat layers are as good; how much less the area of all layers has to be then to be
-/// taken, since every one of them is planned by itself.
-const AS_GOOD: f64 = 0.03;
-const FASTER: f64 = 0.95;
 /// Free tilt of a head whose shape is not in the machine file, rad, and the steepest slope that is followed whatever the head.
 const FREE_TILT_UNKNOWN_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
 const SLOPE_MAX: f64 = 1.0;

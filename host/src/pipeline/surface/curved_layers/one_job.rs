@@ -5,8 +5,9 @@
 //! straight down.
 
 use super::CurvedFigures;
-use super::laid_layer::{Context, Ground, Laid, curved, flat, upright};
+use super::laid_layer::{Context, Ground, Laid, curved, flat};
 use super::layer_shape::{PartLayer, Shape};
+use super::upright::{EdgeDepth, upright};
 use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region};
 use crate::job::transform::PartTransform;
@@ -25,9 +26,11 @@ use crate::plan::layers::hollow::shell_layers;
 use crate::plan::layers::layer_groups::{LayerGroup, OFF_REGIONS, RegionPrint};
 use crate::plan::layers::shells::solid_ground;
 use crate::plan::layers::skirt::skirt_reach_mm;
+use crate::plan::motion::best_place::FoundPlace;
+use crate::plan::motion::singular::SingularPlaces;
 use crate::plan::progress::Progress;
 use crate::plan::route::build_route::nearest_heading;
-use crate::plan::route::moves::{PathCurve, RouteMove};
+use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::waypoint_route::{complete_route, has_motion};
 use crate::settings::Settings;
 use headway_protocol::units::{
@@ -52,6 +55,7 @@ struct OneJob {
     left_out: Vec<LeftOut>,
     top_mm: f64,
     volume_mm3: f64,
+    edge_depth: Option<EdgeDepth>,
 }
 
 /// Plans layers as one job.
@@ -67,7 +71,6 @@ pub fn planned(
 ) -> Result<Plan, PlanError> {
     let mut job = OneJob::default();
     let mut number = 0;
-    let tilts = settings.tilts();
     let solid = |number: u32| solid_of(layers, number, settings);
     // Flat layers that follow each other are planned together.
     for group in layers.chunk_by(|a, b| !a.is_curved() && !b.is_curved()) {
@@ -79,18 +82,10 @@ pub fn planned(
             progress,
         };
         progress.layers(number as usize, layers.len());
-        let next = number + group.len() as u32;
-        let laid = match &group[0].shape {
-            Shape::Flat { .. } => flat(number..next, group, &context)?,
-            Shape::Curved { top, below } if !tilts => {
-                upright(number, &group[0], (top, below), &context)?
-            }
-            Shape::Curved { top, below } => {
-                curved(number, &group[0].regions, (top, below), &context)?
-            }
-        };
-        job.add(laid, number, settings);
-        number = next;
+        for laid in laid_group(number, group, &context)? {
+            job.add(laid, number, settings);
+        }
+        number += group.len() as u32;
     }
     progress.layers(layers.len(), layers.len());
     if job.curves.is_empty() {
@@ -100,6 +95,52 @@ pub fn planned(
     }
     job.raise(bed_mm);
     job.laid_out(layers, bed_mm, figures, settings, progress)
+}
+
+/// How long a layer takes by itself, laid at the height that it has in the job, s.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn seconds_of(layer: &PartLayer, settings: &Settings) -> Result<f64, PlanError> {
+    let mut job = OneJob::default();
+    let context = Context {
+        settings,
+        start: Point::default(),
+        is_first: false,
+        solid: &|_| Vec::new(),
+        progress: &(),
+    };
+    for laid in laid_group(0, std::slice::from_ref(layer), &context)? {
+        job.add(laid, 0, settings);
+    }
+    let placed = job.placed(std::slice::from_ref(layer), 0.0, settings)?;
+    let mut route = placed.route;
+    let (stream, ..) = lay_with_layer_times(&mut route, settings, &())?;
+    let of_layer = stream.marks.iter().filter(|mark| mark.pass.is_some());
+    let begin = of_layer.clone().map(|mark| mark.start_tick).min();
+    let end = of_layer.map(|mark| mark.end_tick).max();
+    let ticks = end.unwrap_or(0) - begin.unwrap_or(0);
+    Ok(ticks as f64 / f64::from(settings.machine.servo_hz))
+}
+
+/// Layers that are planned together: flat ones, or a curved one.
+fn laid_group(number: u32, group: &[PartLayer], context: &Context) -> Result<Vec<Laid>, PlanError> {
+    match &group[0].shape {
+        Shape::Flat { .. } => Ok(vec![flat(
+            number..number + group.len() as u32,
+            group,
+            context,
+        )?]),
+        Shape::Curved { top, below } if !context.settings.tilts() => {
+            upright(number, &group[0], (top, below), context)
+        }
+        Shape::Curved { top, below } => Ok(vec![curved(
+            number,
+            &group[0].regions,
+            (top, below),
+            context,
+        )?]),
+    }
 }
 
 /// What of a flat layer is filled whatever the density: what has no flat layer within a few above or below.
@@ -129,6 +170,7 @@ impl OneJob {
     /// Puts layers behind what there is.
     fn add(&mut self, mut laid: Laid, first_layer: u32, settings: &Settings) {
         self.left_out.append(&mut laid.left_out);
+        self.edge_depth = EdgeDepth::deeper(self.edge_depth, laid.edge_depth);
         let first_pass = self.curves.len();
         let begin = laid
             .moves
@@ -210,6 +252,9 @@ impl OneJob {
             point[CHANNEL_Z] += bed_mm;
         }
         self.top_mm += bed_mm;
+        if let Some(deepest) = &mut self.edge_depth {
+            deepest.at_mm[2] += bed_mm;
+        }
     }
 
     fn bounds(&self, layers: &[PartLayer], settings: &Settings) -> Box2 {
@@ -224,15 +269,13 @@ impl OneJob {
         Box2::of(&corners).grown(skirt_reach_mm(settings))
     }
 
-    /// The motion, and what it covers.
-    fn laid_out(
-        self,
+    /// The route on the machine, with the way there and back.
+    fn placed(
+        &self,
         layers: &[PartLayer],
         bed_mm: f64,
-        mut curved: CurvedFigures,
         settings: &Settings,
-        progress: &dyn Progress,
-    ) -> Result<Plan, PlanError> {
+    ) -> Result<Placed, PlanError> {
         let bounds = self.bounds(layers, settings);
         let stacked = Settings {
             layers: layers.len() as u32,
@@ -254,13 +297,36 @@ impl OneJob {
         )?;
         let on_machine = passes.into_iter().flatten().collect();
         let top_mm = self.top_mm + transform.offset_mm[2];
-        let mut route = complete_route(
+        let route = complete_route(
             &self.moves,
             on_machine,
             top_mm,
             start_pose(settings),
             settings,
         );
+        Ok(Placed {
+            route,
+            transform,
+            found_place,
+            singular,
+        })
+    }
+
+    /// The motion, and what it covers.
+    fn laid_out(
+        self,
+        layers: &[PartLayer],
+        bed_mm: f64,
+        mut curved: CurvedFigures,
+        settings: &Settings,
+        progress: &dyn Progress,
+    ) -> Result<Plan, PlanError> {
+        let Placed {
+            mut route,
+            transform,
+            found_place,
+            singular,
+        } = self.placed(layers, bed_mm, settings)?;
         let touches = touches(&route, None, settings);
         let (stream, motion, slowed) = lay_with_layer_times(&mut route, settings, progress)?;
         let flat = self.flat_prints();
@@ -274,6 +340,7 @@ impl OneJob {
             flat.kinds.iter().flat_map(|kind| &kind.regions),
         ));
         curved.swept = judged.curved;
+        curved.edge_depth = self.edge_depth;
         Ok(Plan {
             transform,
             found_place,
@@ -395,6 +462,14 @@ impl OneJob {
         });
         of_parts.collect()
     }
+}
+
+/// A route on the machine.
+struct Placed {
+    route: Route,
+    transform: PartTransform,
+    found_place: Option<FoundPlace>,
+    singular: SingularPlaces,
 }
 
 /// Flat layers, for what is said of those of other plans.
