@@ -118,7 +118,14 @@ fn what_does_not_go_with_curved_layers_is_refused() {
             "in one mesh file",
         ),
         (
-            &["--curved-layers", "all", "--at", "10,10", "--at", "50,10"],
+            &[
+                "--curved-layers",
+                "all",
+                "--at",
+                "100,80,0",
+                "--at",
+                "150,80,0",
+            ],
             "in one mesh file",
         ),
         (
