@@ -25,6 +25,9 @@ const STEP_SHARE: f64 = 0.5;
 /// Most slides of a placement off the walls, and its permitted cut afterwards.
 const SLIDES: usize = 8;
 const CUT_SHARE: f64 = 1e-3;
+/// Orders in which ends are joined, to see which leaves the fewest passes; fewer where there are so many gaps.
+const TRIALS_MAX: usize = 64;
+const TRIED_GAPS_MAX: usize = 20_000;
 
 /// Joins lines along the walls of `open`.
 pub fn linked_along_walls(
@@ -90,8 +93,13 @@ struct Gap {
     ends: [LineEnd; 2],
     /// Their positions along the ring, the second beyond the first.
     at_mm: [f64; 2],
-    /// There is no path along it.
-    is_blocked: bool,
+}
+
+impl Gap {
+    fn length_mm(&self) -> f64 {
+        let [from_mm, to_mm] = self.at_mm;
+        to_mm - from_mm
+    }
 }
 
 /// The lines in passes from free end to free end, in the order of their first lines.
@@ -201,19 +209,22 @@ struct AlongWalls<'a> {
 impl AlongWalls<'_> {
     /// The pairs of ends that are joined, with their paths.
     fn links(&self, lines: &[LayerPass]) -> Vec<Link> {
-        let mut matching = Matching::of(self.gaps(lines), lines.len());
-        let mut links = Vec::new();
-        while let Some((number, ends)) = matching.next() {
-            let gap = &matching.gaps[number];
-            let placed = ends.map(|end| end.of(lines));
-            let path = match placed {
-                [Some(end), Some(start)] => self.path(end, start, gap),
-                _ => None,
+        let (mut gaps, mut paths) = (Vec::new(), Vec::new());
+        for gap in self.gaps(lines) {
+            let [Some(end), Some(start)] = gap.ends.map(|end| end.of(lines)) else {
+                continue;
             };
-            matching.settle(number, path.is_some());
-            links.extend(path.map(|path| Link { ends, path }));
+            if let Some(path) = self.path(end, start, &gap) {
+                paths.push(path);
+                gaps.push(gap);
+            }
         }
-        links
+        let chosen = most_links(&gaps, lines.len());
+        let link = |number: usize| Link {
+            ends: gaps[number].ends,
+            path: std::mem::take(&mut paths[number]),
+        };
+        chosen.into_iter().map(link).collect()
     }
 
     /// The gaps between consecutive ends along a wall, no longer than a link may be.
@@ -240,7 +251,6 @@ impl AlongWalls<'_> {
                         ring,
                         ends: [from, to],
                         at_mm: [from_mm, from_mm + length_mm],
-                        is_blocked: false,
                     });
                 }
             }
@@ -314,34 +324,71 @@ impl AlongWalls<'_> {
     }
 }
 
+/// The gaps to join: as many as one of several trials finds, and of these the shortest together.
+fn most_links(gaps: &[Gap], lines: usize) -> Vec<usize> {
+    let trials = (TRIED_GAPS_MAX / gaps.len().max(1)).clamp(1, TRIALS_MAX);
+    let length_mm = |chosen: &[usize]| -> f64 {
+        let lengths = chosen.iter().map(|&number| gaps[number].length_mm());
+        lengths.sum()
+    };
+    (0..trials as u64)
+        .map(|trial| Matching::of(gaps, lines, trial).chosen())
+        .min_by(|p, q| {
+            let more = q.len().cmp(&p.len());
+            more.then(length_mm(p).total_cmp(&length_mm(q)))
+        })
+        .unwrap_or_default()
+}
+
 /// Gaps that are still to be joined, by their ends.
-struct Matching {
-    gaps: Vec<Gap>,
+struct Matching<'a> {
+    gaps: &'a [Gap],
     /// The gaps before and behind each end.
     of_end: Vec<Vec<usize>>,
     is_taken: Vec<bool>,
     /// The pass that each line belongs to, as references that lead to one of its lines (union-find).
     root: Vec<usize>,
-    /// Ends by the number of their gaps; a number may be out of date, and too large then.
-    queue: BTreeSet<(usize, usize)>,
+    /// Ends by the number of their gaps and the trial's order; a number may be out of date, and too large then.
+    queue: BTreeSet<(usize, u64, usize)>,
+    trial: u64,
 }
 
-impl Matching {
-    fn of(gaps: Vec<Gap>, lines: usize) -> Matching {
+impl<'a> Matching<'a> {
+    fn of(gaps: &'a [Gap], lines: usize, trial: u64) -> Matching<'a> {
         let mut of_end = vec![Vec::new(); 2 * lines];
         for (number, gap) in gaps.iter().enumerate() {
             for end in gap.ends {
                 of_end[end.number()].push(number);
             }
         }
-        let ends = of_end.iter().enumerate();
-        Matching {
-            queue: ends.map(|(end, gaps)| (gaps.len(), end)).collect(),
+        let mut matching = Matching {
+            gaps,
+            queue: BTreeSet::new(),
             is_taken: vec![false; 2 * lines],
             root: (0..lines).collect(),
             of_end,
-            gaps,
+            trial,
+        };
+        for end in 0..2 * lines {
+            matching.enqueue(end);
         }
+        matching
+    }
+
+    /// The first trial takes ends and gaps as they stand, the shorter gap first; others shuffle both.
+    fn shuffled(&self, number: usize) -> u64 {
+        if self.trial == 0 {
+            return 0;
+        }
+        // A step of SplitMix64 (Steele and others, 2014).
+        let mut mixed = (self.trial << 32 ^ number as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        mixed = (mixed ^ mixed >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        mixed ^ mixed >> 27
+    }
+
+    fn enqueue(&mut self, end: usize) {
+        let count = self.possible(end).len();
+        self.queue.insert((count, self.shuffled(end), end));
     }
 
     fn root_of(&mut self, line: usize) -> usize {
@@ -358,55 +405,49 @@ impl Matching {
         let gaps = self.of_end[end].clone();
         let is_possible = |number: &usize| {
             let [from, to] = self.gaps[*number].ends;
-            !self.gaps[*number].is_blocked
-                && !self.is_taken[from.number()]
+            !self.is_taken[from.number()]
                 && !self.is_taken[to.number()]
                 && self.root_of(from.line) != self.root_of(to.line)
         };
         gaps.into_iter().filter(is_possible).collect()
     }
 
-    /// The shortest gap of an end with the fewest remaining gaps, with its ends; the caller settles it.
-    fn next(&mut self) -> Option<(usize, [LineEnd; 2])> {
-        while let Some((count, end)) = self.queue.pop_first() {
+    /// Joins gaps until none is left.
+    fn chosen(mut self) -> Vec<usize> {
+        let mut chosen = Vec::new();
+        while let Some((count, _, end)) = self.queue.pop_first() {
             let possible = self.possible(end);
             if possible.len() < count {
-                self.queue.insert((possible.len(), end));
+                self.enqueue(end);
                 continue;
             }
-            let length_mm = |number: &usize| {
-                let [from_mm, to_mm] = self.gaps[*number].at_mm;
-                to_mm - from_mm
-            };
-            let shortest = possible
-                .into_iter()
-                .min_by(|p, q| length_mm(p).total_cmp(&length_mm(q)));
-            if let Some(number) = shortest {
-                return Some((number, self.gaps[number].ends));
+            let next = possible.into_iter().min_by(|&p, &q| {
+                let order = self.shuffled(p).cmp(&self.shuffled(q));
+                let gaps = self.gaps;
+                order.then(gaps[p].length_mm().total_cmp(&gaps[q].length_mm()))
+            });
+            if let Some(number) = next {
+                self.join(number);
+                chosen.push(number);
             }
         }
-        None
+        chosen
     }
 
-    /// Removes a gap's ends if it was joined, or only the gap if it cannot be.
-    fn settle(&mut self, number: usize, is_joined: bool) {
+    /// Takes both ends of a gap; those beside them have fewer gaps then.
+    fn join(&mut self, number: usize) {
         let ends = self.gaps[number].ends;
-        self.gaps[number].is_blocked = true;
-        if is_joined {
-            let [from, to] = ends.map(|end| self.root_of(end.line));
-            self.root[from] = to;
-            for end in ends {
-                self.is_taken[end.number()] = true;
-            }
-        }
-        // Those that have fewer gaps now.
-        let beside = ends
-            .into_iter()
-            .flat_map(|end| self.of_end[end.number()].clone());
-        let ends: Vec<LineEnd> = beside.flat_map(|gap| self.gaps[gap].ends).collect();
+        let [from, to] = ends.map(|end| self.root_of(end.line));
+        self.root[from] = to;
         for end in ends {
-            let count = self.possible(end.number()).len();
-            self.queue.insert((count, end.number()));
+            self.is_taken[end.number()] = true;
+        }
+        for end in ends {
+            for gap in self.of_end[end.number()].clone() {
+                for beside in self.gaps[gap].ends {
+                    self.enqueue(beside.number());
+                }
+            }
         }
     }
 }
