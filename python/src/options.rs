@@ -5,7 +5,8 @@
 
 use crate::{OptionsError, PartError};
 use headway::api::{
-    CurvedLayers, HeadingLaw, OPTION_NAMES, Options, PassMode, Place, Quality, Reading, SeamPlace, Units,
+    CurvedLayers, HeadingLaw, OPTION_NAMES, Options, PassMode, Place, Quality, Reading, SeamPlace,
+    Units,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -84,9 +85,10 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
             "curved_layers" => {
                 let text: String = read(&key, &value, "auto, all, skin or skin:M")?;
                 let asked = text.parse::<CurvedLayers>();
-                o.curved_layers = Some(asked.map_err(|error| {
-                    OptionsError::new_err(as_keywords(&error.to_string()))
-                })?);
+                o.curved_layers = Some(
+                    asked
+                        .map_err(|error| OptionsError::new_err(as_keywords(&error.to_string())))?,
+                );
             }
             "copies" => o.copies = Some(count(&key, &value)?),
             "copy_gap_mm" => o.copy_gap_mm = Some(number(&key, &value)?),
