@@ -26,7 +26,7 @@ pub struct LineTolerances {
     pub volume_mm3: f64,
     /// How evenly the heading turns.
     pub even: EvenHeading,
-    /// Straight moves of more ticks than this are not longer than [`LONGEST_MM`]: what reads the file has a place of the
+    /// Straight moves of more ticks than this are not longer than `LONGEST_MM`: what reads the file has a place of the
     /// motion so often, and chords lie beside it.
     pub long_ticks: usize,
 }
