@@ -229,18 +229,8 @@ impl OneJob {
         });
         for control in [vec![from, up], vec![up, over], vec![over, to]] {
             if control[0] != control[1] {
-                self.moves.push(RouteMove {
-                    state: MotionState::Travel,
-                    layer,
-                    pass: None,
-                    curve: PathCurve { control },
-                    dwell_s: 0.0,
-                    speed_mm_s: None,
-                    speeds_mm_s: Vec::new(),
-                    acceleration_mm_s2: None,
-                    parts: Vec::new(),
-                    event: None,
-                });
+                let travel = RouteMove::new(MotionState::Travel, layer, control);
+                self.moves.push(travel);
             }
         }
     }
