@@ -5,7 +5,7 @@
 //! axis along the tangent, flow on. The gantry's limits do not bind at 60 mm/s.
 
 use headway::job::MotionState;
-use headway::plan::route::moves::{PathCurve, Route, RouteMove};
+use headway::plan::route::moves::{Route, RouteMove};
 use headway::settings::Settings;
 use headway_firmware::configuration::{JointConfiguration, Kinematics};
 use headway_firmware::kinematics::pose::tilt_of_axis;
@@ -166,16 +166,8 @@ pub fn route(length_mm: f64) -> Route {
         .collect();
     Route {
         moves: vec![RouteMove {
-            state: MotionState::Print,
-            layer: 0,
             pass: Some(0),
-            curve: PathCurve { control },
-            dwell_s: 0.0,
-            speed_mm_s: None,
-            speeds_mm_s: Vec::new(),
-            acceleration_mm_s2: None,
-            parts: Vec::new(),
-            event: None,
+            ..RouteMove::new(MotionState::Print, 0, control)
         }],
     }
 }

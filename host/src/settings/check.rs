@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 /// step a tick loses steps at 1, and the time warp and correction need some room.
 pub const STEP_RATE_SHARE_MAX: f64 = 0.9;
 /// Longest work area that makes sense, mm: ten times the largest concrete printers.
-pub(super) const LENGTH_MAX_MM: f64 = 100_000.0;
+const LENGTH_MAX_MM: f64 = 100_000.0;
 
 /// Longest name of a machine, characters: it is in every job and message.
 pub(super) const NAME_CHARS_MAX: usize = 200;
@@ -268,7 +268,7 @@ impl Settings {
         wide_beads::check(self)?;
         if let Some(infill) = &self.infill {
             if let Some(spacing_mm) = infill.spacing_mm {
-                in_range("infill.spacing_mm", spacing_mm, 2.0 * major, f64::INFINITY)?;
+                in_range("infill.spacing_mm", spacing_mm, 2.0 * major, LENGTH_MAX_MM)?;
             }
             InfillKeys::check(infill)?;
         }

@@ -5,7 +5,6 @@
 //! keys depend on the kinematics.
 
 use super::aperture_text::ApertureTextError;
-use super::check::LENGTH_MAX_MM;
 use super::error::SettingsError;
 use super::heat::{Material, PAUSE_HEAT_MAX_MIN_MOST};
 use super::keys::{
@@ -70,7 +69,7 @@ keys! {
 keys! {
     FlowKeys of Settings, "flow" {
         factor: Plain = flow_factor, Within(0.01, 10.0);
-        flow_max_mm3_s: Plain = flow_max_mm3_s, Above0(MELT_SPEED_RANGE);
+        flow_max_mm3_s: Plain = flow_max_mm3_s, Any;
         rate_of_change_max_mm3_s2: Plain = flow_rate_of_change_max_mm3_s2, Above0(MELT_ACCELERATION_RANGE);
         /// Rates are peaks. A retract begins its lead before the pass ends,
         /// a pass starts to move its lead before the prime is done.
@@ -105,7 +104,7 @@ keys! {
     InfillKeys of Infill, "infill" {
         walls: Required<Count> = walls, Within(1.0, 1000.0);
         density_pct: Plain = density_pct, Within(0.0, 100.0), when |infill| infill.spacing_mm.is_none();
-        spacing_mm: Known = spacing_mm, Within(0.0, LENGTH_MAX_MM);
+        spacing_mm: Known = spacing_mm, Any;
         angle_deg: Degrees = angle_rad, TURN;
         bottom_layers: KnownCount = bottom_layers, LAYER_COUNT;
         top_layers: KnownCount = top_layers, LAYER_COUNT;

@@ -5,12 +5,22 @@ use headway_firmware::configuration::{JointConfiguration, Kinematics};
 use headway_firmware::kinematics::joint_channels;
 use headway_protocol::units::CHANNEL_HEADING;
 
+fn number_of(kinematics: &Kinematics) -> Option<usize> {
+    let channels = joint_channels(kinematics);
+    channels
+        .iter()
+        .position(|channel| *channel == Some(CHANNEL_HEADING))
+}
+
+/// The name in the machine file of the joint that follows the heading one to one, where there is one.
+pub(super) fn heading_joint_name(kinematics: &Kinematics) -> Option<&'static str> {
+    let names = joint_names(kinematics);
+    names.get(number_of(kinematics)?).copied()
+}
+
 impl Settings {
     pub(super) fn heading_joint_number(&self) -> Option<usize> {
-        let channels = joint_channels(&self.machine.kinematics);
-        channels
-            .iter()
-            .position(|channel| *channel == Some(CHANNEL_HEADING))
+        number_of(&self.machine.kinematics)
     }
 
     /// The joint that follows the heading one to one, where there is one.
@@ -20,8 +30,7 @@ impl Settings {
 
     /// Its name in the machine file.
     pub fn heading_joint_name(&self) -> Option<&'static str> {
-        let names = joint_names(&self.machine.kinematics);
-        names.get(self.heading_joint_number()?).copied()
+        heading_joint_name(&self.machine.kinematics)
     }
 
     /// The same joint, to change its limits.

@@ -68,7 +68,7 @@ impl Kinds {
     }
 }
 
-/// Speed and acceleration of `[print]` are the ceiling of every kind's, and short layers have a floor.
+/// Speed and acceleration of `[print]` are the ceiling of every kind's.
 pub(super) fn check(settings: &Settings) -> Result<(), SettingsError> {
     let (speed_mm_s, bend_mm_s2) = (settings.speed_mm_s, settings.tip_acceleration_mm_s2);
     for (name, kind) in settings.kinds.named() {

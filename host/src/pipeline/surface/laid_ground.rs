@@ -12,6 +12,7 @@ use crate::pipeline::open_ground::OpenGround;
 use crate::plan::judge::ground_sweep::LayerSwept;
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::outline::unreachable::UnreachableRun;
+use crate::plan::route::clear_travel::UPRIGHT_RAD;
 use crate::plan::route::surface::LayerFoldsError;
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_X, CHANNELS};
@@ -21,8 +22,6 @@ use std::sync::Arc;
 /// Step over the ground at which its bends and slopes are taken, mm, as long as there are no more than this along an axis.
 const LOOK_MM: f64 = 0.3;
 const LOOKS_MAX: f64 = 256.0;
-/// Tilt that a machine without tilting axes can ignore, rad.
-const UPRIGHT_RAD: f64 = 1e-6;
 /// Where between least and greatest the scale is at which the chart is as large as the ground: which beads there are is
 /// decided for it, and elsewhere they are moved and turned. At the middle some ground stays open where the scale is
 /// greatest, at the greatest more is turned than need be (trials on six surfaces).

@@ -10,6 +10,7 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Region, Ring};
+use crate::geometry::union_find::root;
 use crate::geometry::{Point2, Vector2};
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::headings::runs::unwrap_headings;
@@ -346,8 +347,8 @@ struct Matching<'a> {
     /// The gaps before and behind each end.
     of_end: Vec<Vec<usize>>,
     is_taken: Vec<bool>,
-    /// The pass that each line belongs to, as references that lead to one of its lines (union-find).
-    root: Vec<usize>,
+    /// The lines of a pass have one of them as their representative.
+    parent: Vec<usize>,
     /// Ends by the number of their gaps and the trial's order; a number may be out of date, and too large then.
     queue: BTreeSet<(usize, u64, usize)>,
     trial: u64,
@@ -365,7 +366,7 @@ impl<'a> Matching<'a> {
             gaps,
             queue: BTreeSet::new(),
             is_taken: vec![false; 2 * lines],
-            root: (0..lines).collect(),
+            parent: (0..lines).collect(),
             of_end,
             trial,
         };
@@ -391,25 +392,20 @@ impl<'a> Matching<'a> {
         self.queue.insert((count, self.shuffled(end), end));
     }
 
-    fn root_of(&mut self, line: usize) -> usize {
-        let mut at = line;
-        while self.root[at] != at {
-            self.root[at] = self.root[self.root[at]];
-            at = self.root[at];
-        }
-        at
-    }
-
     /// Gaps of an end along which two passes can be joined.
     fn possible(&mut self, end: usize) -> Vec<usize> {
-        let gaps = self.of_end[end].clone();
+        let (gaps, is_taken, parent) = (self.gaps, &self.is_taken, &mut self.parent);
         let is_possible = |number: &usize| {
-            let [from, to] = self.gaps[*number].ends;
-            !self.is_taken[from.number()]
-                && !self.is_taken[to.number()]
-                && self.root_of(from.line) != self.root_of(to.line)
+            let [from, to] = gaps[*number].ends;
+            !is_taken[from.number()]
+                && !is_taken[to.number()]
+                && root(parent, from.line) != root(parent, to.line)
         };
-        gaps.into_iter().filter(is_possible).collect()
+        self.of_end[end]
+            .iter()
+            .copied()
+            .filter(is_possible)
+            .collect()
     }
 
     /// Joins gaps until none is left.
@@ -437,8 +433,8 @@ impl<'a> Matching<'a> {
     /// Takes both ends of a gap; those beside them have fewer gaps then.
     fn join(&mut self, number: usize) {
         let ends = self.gaps[number].ends;
-        let [from, to] = ends.map(|end| self.root_of(end.line));
-        self.root[from] = to;
+        let [from, to] = ends.map(|end| root(&mut self.parent, end.line));
+        self.parent[from] = to;
         for end in ends {
             self.is_taken[end.number()] = true;
         }

@@ -2,6 +2,7 @@
 
 use super::MachineFileError;
 use crate::settings::drivers::motor_names;
+use crate::settings::heading_joint::heading_joint_name;
 use crate::settings::{HeadingMotor, Settings};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::drivers::{
@@ -94,16 +95,13 @@ pub(super) fn heading_motor(
     given: &BTreeMap<String, FileDriver>,
     machine: &MachineConfiguration,
 ) -> Result<Option<HeadingMotor>, MachineFileError> {
-    let of_machine = Settings {
-        machine: machine.clone(),
-        ..Settings::default()
-    };
+    let heading = heading_joint_name(&machine.kinematics);
     let mut found = None;
     for (name, driver) in given {
         let Some(motor) = driver.heading_motor(name)? else {
             continue;
         };
-        match of_machine.heading_joint_name() {
+        match heading {
             Some(heading) if heading == name => found = Some(motor),
             heading => {
                 let whose = heading.map_or("the machine has none".to_string(), |heading| {

@@ -21,18 +21,23 @@ fn planned(arguments: &[&str], folder: &Path) -> Result<serde_json::Value, Strin
     }
 }
 
-#[test]
-fn a_skin_is_planned_with_its_figures() {
-    let folder = tempfile::tempdir().unwrap();
+/// The figures of the example at two fifths of its size.
+fn small_and_fast(layers: &str, folder: &Path) -> serde_json::Value {
     let arguments = [
         "--curved-layers",
-        "skin:2",
+        layers,
         "--scale",
         "0.4",
         "--quality",
         "fast",
     ];
-    let figures = planned(&arguments, folder.path()).unwrap();
+    planned(&arguments, folder).unwrap()
+}
+
+#[test]
+fn a_skin_is_planned_with_its_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let figures = small_and_fast("skin:2", folder.path());
     let curved = &figures["curved_layers"];
     assert_eq!(curved["curved_layers"], 2, "{curved}");
     let number = |key: &str| curved[key].as_f64().unwrap();
@@ -52,15 +57,7 @@ fn a_skin_is_planned_with_its_figures() {
 #[test]
 fn auto_says_what_it_compared() {
     let folder = tempfile::tempdir().unwrap();
-    let arguments = [
-        "--curved-layers",
-        "auto",
-        "--scale",
-        "0.4",
-        "--quality",
-        "fast",
-    ];
-    let figures = planned(&arguments, folder.path()).unwrap();
+    let figures = small_and_fast("auto", folder.path());
     let curved = &figures["curved_layers"];
     let compared = curved["compared"].as_array().unwrap();
     assert_eq!(compared.len(), 2, "{curved}");
