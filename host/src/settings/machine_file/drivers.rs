@@ -157,8 +157,19 @@ impl FileDriver {
 
     /// True where nothing is said of the driver: the board leaves it as it is.
     fn is_motor_alone(&self) -> bool {
-        let of_driver =
-            self.run_ma.is_some() || self.microsteps.is_some() || self.hold_ma.is_some();
+        let numbers = [
+            self.full_steps_per_mm,
+            self.full_steps_per_turn,
+            self.full_steps_per_mm3,
+            self.spread_above_full_steps_s,
+        ];
+        let of_driver = [self.run_ma, self.hold_ma, self.sense_mohm, self.microsteps]
+            .iter()
+            .any(Option::is_some)
+            || numbers.iter().any(Option::is_some)
+            || self.address.is_some()
+            || self.interpolate.is_some()
+            || self.chopper.is_some();
         !of_driver && self.torque_nm.is_some()
     }
 
@@ -403,6 +414,15 @@ mod tests {
             ),
         ];
         assert_refused(&group, &cases);
+        // A driver's keys without its current are not taken for those of a motor that stands alone.
+        for key in [
+            "full_steps_per_turn = 600",
+            "address = 1",
+            "interpolate = false",
+        ] {
+            let half = read(&format!("[drivers.c]\n{key}\n{MOTOR}")).expect_err(key);
+            assert!(half.contains("run_ma and microsteps are needed"), "{half}");
+        }
         let of_x = X.to_string() + MOTOR;
         let cases = [("gear_ratio = 3", "gear_ratio = 2", "give it to [drivers.c]")];
         assert_refused(&of_x, &cases);
