@@ -152,6 +152,22 @@ impl SegmentStream {
         }));
     }
 
+    /// Where it ends, at rest, in its units.
+    pub fn end(&self) -> ChannelPoint {
+        self.knots.last().map_or(self.start, |knot| knot.control)
+    }
+
+    /// The same motion from another start, in its units.
+    pub fn shifted_to(mut self, start: ChannelPoint) -> SegmentStream {
+        let by: ChannelPoint = std::array::from_fn(|c| start[c].wrapping_sub(self.start[c]));
+        let moved = |at: &ChannelPoint| std::array::from_fn(|c| at[c].wrapping_add(by[c]));
+        self.start = start;
+        for knot in &mut self.knots {
+            knot.control = moved(&knot.control);
+        }
+        self
+    }
+
     /// Layers of the job; 1 if there is no data on layers.
     pub fn layers(&self) -> u32 {
         self.marks.last().map_or(1, |mark| mark.layer + 1)

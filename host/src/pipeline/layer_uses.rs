@@ -70,6 +70,21 @@ pub struct LayerUse {
     pub way_mm: f64,
 }
 
+impl LayerUse {
+    /// The use of a travel by itself, whose layer its marks have.
+    pub fn of_travel(plan: &Plan) -> Option<LayerUse> {
+        Some(LayerUse {
+            layer: plan.stream.marks.first()?.layer,
+            what: Use::Travel,
+            seconds: plan.motion.duration_s,
+            volume_mm3: 0.0,
+            way_mm: (plan.route.moves.iter())
+                .map(|route_move| way_mm(&route_move.curve.control))
+                .sum(),
+        })
+    }
+}
+
 /// What each pass is, by its number.
 pub fn pass_uses(plan: &Plan) -> Vec<Use> {
     let curves = plan.curves.iter();

@@ -14,6 +14,7 @@ use crate::geometry::polygon::{Box2, Region};
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
+use crate::pipeline::links::Chain;
 use crate::pipeline::open_ground;
 pub use crate::pipeline::piece::PLACES_MAX;
 use crate::pipeline::piece::{Piece, PieceCache, key_of};
@@ -29,7 +30,6 @@ use crate::plan::route::keep_out::cleared;
 use crate::plan::route::keep_out::shadows::with_shadows;
 use crate::settings::Settings;
 use headway_firmware::kinematics::winds;
-use headway_protocol::units::CHANNELS;
 use std::ops::Range;
 
 /// Most kinds of layer that are planned at a time: what they need is the memory that planning takes.
@@ -114,55 +114,37 @@ pub fn plan_part_in_pieces(
     settings: &Settings,
     context: PartContext,
 ) -> Result<PartPlan, PlanError> {
-    settings.check()?;
-    let is_like_others =
-        |layer: &TargetLayer| is_as_high(layer, settings) && first.speed_mm_s.is_none();
-    if !may_divide(settings) && !part.layers.iter().all(is_like_others) {
-        return Err(PlanError::FirstLayerWinds);
-    }
-    let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
+    let blocks = Blocks::of(part, keep_out, first, settings)?;
     let mut planned = PartPlan {
-        transform: place(part, settings)?,
-        overhangs: hanging(&outlines, &part.wanted, settings),
+        transform: blocks.transform,
+        overhangs: hanging(&blocks.outlines, &part.wanted, settings),
         ..PartPlan::default()
     };
-    let keep_out = &with_shadows(keep_out, &planned.transform, settings);
-    let mut at = super::start_pose(settings);
+    let mut chain = Chain::default();
     let wanted = part.wanted_layers();
     let mut rest = wanted;
-    while let Some(lowest) = rest.first() {
-        let layers = wanted.len() - rest.len();
-        context.progress.layers(layers, wanted.len());
-        let is_first = lowest.number == wanted[0].number;
-        let own = settings_of(lowest, first, settings);
-        let solid = |layer: u32| solid_of(&outlines, layer, settings);
-        let bridges = |layer: u32| bridges_of(&outlines, layer, settings);
-        let ground = LayerGround {
-            solid: &solid,
-            bridges: &bridges,
-        };
-        let (stack, used) = gather(rest, ground, keep_out, &own, planned.transform, at);
-        rest = &rest[used..];
-        let stack = Stack {
-            skirt_around: Some(lowest.regions.as_slice())
-                .filter(|regions| is_first && !regions.is_empty()),
-            is_last: rest.is_empty(),
-            ..stack
-        };
-        let key = key_of(&stack, &own, context.program);
-        let piece = match context.cache.get(key) {
+    while let Some(block) = blocks.next(&mut rest) {
+        let Block { stack, own, .. } = &block;
+        context.progress.layers(block.before, wanted.len());
+        let key = (context.cache.keeps()).then(|| key_of(stack, own, context.program));
+        let known = key.and_then(|key| context.cache.get(key));
+        let mut piece = match known {
             Some(known) => known,
             None => {
-                let piece = Piece::of(plan_stack(stack, &own, context.progress)?, &own);
-                context.cache.put(key, &piece);
+                let piece = block.planned(context.progress)?;
+                if let Some(key) = key {
+                    context.cache.put(key, &piece);
+                }
                 piece
             }
         };
-        let first_pass = planned.printed.figures.passes as u32;
-        at = piece.end.unwrap_or(at);
-        let stream = planned.add(piece, settings)?;
-        if !stream.knots.is_empty() {
-            (context.take)(stream, first_pass).map_err(PlanError::Output)?;
+        let link = chain.link(&mut piece, stack, own, context.progress)?;
+        for piece in link.into_iter().chain([piece]) {
+            let first_pass = planned.printed.figures.passes as u32;
+            let stream = planned.add(piece, settings)?;
+            if !stream.knots.is_empty() {
+                (context.take)(stream, first_pass).map_err(PlanError::Output)?;
+            }
         }
     }
     context.progress.layers(wanted.len(), wanted.len());
@@ -175,6 +157,94 @@ pub fn plan_part_in_pieces(
     let (layers, swept): (Vec<u32>, Vec<Swept>) = printed.swept.iter().copied().unzip();
     printed.figures.set_shares(&layers, &swept);
     Ok(planned)
+}
+
+/// A part as it is divided into blocks: by its outlines and settings alone.
+pub(super) struct Blocks<'a> {
+    outlines: Vec<&'a [Region]>,
+    keep_out: Vec<Region>,
+    transform: PartTransform,
+    first: FirstLayer,
+    /// Number of the first of the wanted layers.
+    lowest: Option<u32>,
+    wanted: usize,
+    settings: &'a Settings,
+}
+
+/// Some layers that are planned together.
+pub(super) struct Block<'a> {
+    pub stack: Stack<'a>,
+    pub own: Settings,
+    /// Wanted layers before it.
+    pub before: usize,
+    /// From 0, without the end.
+    pub layers: Range<u32>,
+}
+
+impl<'a> Blocks<'a> {
+    pub fn of(
+        part: &'a SlicedPart,
+        keep_out: &[Region],
+        first: FirstLayer,
+        settings: &'a Settings,
+    ) -> Result<Blocks<'a>, PlanError> {
+        settings.check()?;
+        let is_like_others =
+            |layer: &TargetLayer| is_as_high(layer, settings) && first.speed_mm_s.is_none();
+        if !may_divide(settings) && !part.layers.iter().all(is_like_others) {
+            return Err(PlanError::FirstLayerWinds);
+        }
+        let transform = place(part, settings)?;
+        let wanted = part.wanted_layers();
+        Ok(Blocks {
+            outlines: part.layers.iter().map(|l| l.regions.as_slice()).collect(),
+            keep_out: with_shadows(keep_out, &transform, settings),
+            transform,
+            first,
+            lowest: wanted.first().map(|layer| layer.number),
+            wanted: wanted.len(),
+            settings,
+        })
+    }
+
+    /// The next block of the layers that are left.
+    pub fn next<'b>(&'b self, rest: &mut &'b [TargetLayer]) -> Option<Block<'b>> {
+        let (settings, outlines) = (self.settings, &self.outlines);
+        let lowest = rest.first()?;
+        let is_first = Some(lowest.number) == self.lowest;
+        let own = settings_of(lowest, self.first, settings);
+        let solid = |layer: u32| solid_of(outlines, layer, settings);
+        let bridges = |layer: u32| bridges_of(outlines, layer, settings);
+        let ground = LayerGround {
+            solid: &solid,
+            bridges: &bridges,
+        };
+        let (stack, used) = gather(rest, ground, &self.keep_out, &own, self.transform);
+        let before = self.wanted - rest.len();
+        let (block, left) = rest.split_at(used);
+        *rest = left;
+        let end = block.last().map_or(0, |layer| layer.number + 1);
+        Some(Block {
+            stack: Stack {
+                skirt_around: Some(lowest.regions.as_slice())
+                    .filter(|regions| is_first && !regions.is_empty()),
+                start: is_first.then(|| super::start_pose(settings)),
+                is_last: rest.is_empty(),
+                ..stack
+            },
+            own,
+            before,
+            layers: lowest.number..end,
+        })
+    }
+}
+
+impl Block<'_> {
+    /// Plans it.
+    pub fn planned(&self, progress: &dyn Progress) -> Result<Piece, PlanError> {
+        let plan = plan_stack(&self.stack, &self.own, progress)?;
+        Ok(Piece::of(plan, &self.own))
+    }
 }
 
 impl PartPlan {
@@ -297,7 +367,6 @@ fn gather<'a>(
     keep_out: &'a [Region],
     settings: &Settings,
     transform: PartTransform,
-    start: [f64; CHANNELS],
 ) -> (Stack<'a>, usize) {
     let mut stack = Stack {
         outlines: Vec::new(),
@@ -308,7 +377,7 @@ fn gather<'a>(
         skirt_around: None,
         scale: None,
         transform,
-        start,
+        start: None,
         is_last: false,
         may_leave_out: true,
     };

@@ -51,11 +51,11 @@ pub fn plan_target_around(
         skirt_around: Some(&target.regions),
         scale: None,
         transform,
-        start: start_pose(settings),
+        start: Some(start_pose(settings)),
         is_last: true,
         may_leave_out: false,
     };
-    plan_stack(stack, settings, progress)
+    plan_stack(&stack, settings, progress)
 }
 
 fn target_bounds(target: &Target) -> Box2 {

@@ -18,14 +18,13 @@ use crate::plan::motion::segments::check::Ratios;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::settings::Settings;
 use headway_protocol::frame::CRC;
-use headway_protocol::units::CHANNELS;
 use serde::{Deserialize, Serialize};
 use siphasher::sip128::{Hasher128, SipHasher13};
 use std::fmt::{self, Write};
 use std::hash::Hasher;
 
 /// The first bytes of a piece; the number is that of their layout.
-const MAGIC: &[u8; 8] = b"HWPIECE3";
+const MAGIC: &[u8; 8] = b"HWPIECE4";
 
 /// Most places of each kind that are kept of a part.
 pub const PLACES_MAX: usize = 1000;
@@ -35,8 +34,6 @@ pub const PLACES_MAX: usize = 1000;
 pub struct Piece {
     /// The stream; its passes are counted from 0.
     pub stream: SegmentStream,
-    /// Position of the head after it, at rest; `None` if nothing is printed.
-    pub end: Option<[f64; CHANNELS]>,
     /// What was swept of each printing, with its layer.
     pub swept: Vec<(u32, Swept)>,
     /// Lengths, times and counts.
@@ -81,6 +78,8 @@ pub struct Piece {
 
 /// Pieces that were planned before.
 pub trait PieceCache {
+    /// Whether pieces are kept at all: if not, nothing needs a key.
+    fn keeps(&self) -> bool;
     /// The piece of this key, if it is there and whole.
     fn get(&mut self, key: u128) -> Option<Piece>;
     /// Keeps a piece.
@@ -89,6 +88,10 @@ pub trait PieceCache {
 
 /// Keeps nothing.
 impl PieceCache for () {
+    fn keeps(&self) -> bool {
+        false
+    }
+
     fn get(&mut self, _: u128) -> Option<Piece> {
         None
     }
@@ -104,7 +107,6 @@ impl Piece {
             uses: layer_uses(&plan, f64::from(settings.machine.servo_hz)),
             slowed: plan.slowed,
             open_cells: open_cells(&plan, settings.aperture.minor_mm()),
-            end: plan.route.end(),
             open: open_ground::open_ground(&plan, settings),
             kept_out_mm2: plan.kept_out_mm2,
             has_skirt: plan.skirt.is_some(),
@@ -263,7 +265,6 @@ mod tests {
     fn a_damaged_piece_is_none() {
         let piece = Piece {
             stream: spiral(2.0),
-            end: Some([0.1; CHANNELS]),
             swept: vec![(3, Swept::default())],
             open: vec![OpenGround {
                 area_mm2: 0.25,

@@ -3,7 +3,7 @@
 
 use super::{Plan, PlanError};
 use crate::geometry::place_scale::ScaleField;
-use crate::geometry::polygon::Region;
+use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::{Point2, Vector2};
 use crate::job::transform::PartTransform;
 use crate::pipeline::layer_time::lay_with_layer_times;
@@ -54,12 +54,38 @@ pub(crate) struct Stack<'a> {
     pub scale: Option<&'a ScaleField>,
     /// Position of the part on the machine.
     pub transform: PartTransform,
-    /// The head's pose before, at rest.
-    pub start: [f64; CHANNELS],
+    /// The head's pose before, at rest; `None` if it begins at rest on its first pass, with no material laid: its plan
+    /// then does not depend on what was printed before.
+    pub start: Option<[f64; CHANNELS]>,
     /// The head lifts off at the end.
     pub is_last: bool,
     /// Regions that fail are omitted, and the stack may be empty.
     pub may_leave_out: bool,
+}
+
+impl Stack<'_> {
+    /// The regions of one of its layers.
+    pub(crate) fn outline_of(&self, layer: u32) -> &[Region] {
+        &self.outlines[self.outline_number(layer)]
+    }
+
+    /// The middle of the lowest layer, input coordinates: nowhere is it far from there.
+    fn middle(&self) -> Point2 {
+        let lowest = self
+            .layers
+            .first()
+            .map(|layer| self.outline_of(layer.number));
+        let corners: Vec<Point2> = (lowest.unwrap_or_default().iter())
+            .flat_map(|region| [region.bounds().min, region.bounds().max])
+            .collect();
+        let bounds = Box2::of(&corners);
+        bounds.min + bounds.size() / 2.0
+    }
+
+    fn outline_number(&self, layer: u32) -> usize {
+        let of = self.layers.partition_point(|of| of.number < layer);
+        self.kinds[self.layers[of].kind].outline
+    }
 }
 
 /// Regions in progress, `[outline][region]`, the widest disk in them, and the omitted ones.
@@ -86,7 +112,7 @@ pub(crate) struct RoutedStack {
 /// # Errors
 /// [`PlanError`].
 pub(crate) fn plan_stack(
-    stack: Stack,
+    stack: &Stack,
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Plan, PlanError> {
@@ -100,7 +126,7 @@ pub(crate) fn plan_stack(
         print_of_curve,
         mut route,
         outline_crossings,
-    } = route_stack(&stack, settings, progress)?;
+    } = route_stack(stack, settings, progress)?;
     let (stream, motion, slowed) = lay_with_layer_times(&mut route, settings, progress)?;
     let (figures, measured) = measure(
         &stream,
@@ -142,7 +168,10 @@ pub(crate) fn route_stack(
 ) -> Result<RoutedStack, PlanError> {
     let transform = stack.transform;
     let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
-    let from = Point2::new(stack.start[CHANNEL_X], stack.start[CHANNEL_Y]) - shift;
+    let from = match stack.start {
+        Some(start) => Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift,
+        None => stack.middle(),
+    };
     let begun = begin(stack, settings, progress)?;
     let works = layer_groups::with_passes(&begun.works, &stack.kinds, progress)?;
     if !stack.may_leave_out && works.iter().flatten().all(RegionWork::is_empty) {
@@ -271,10 +300,7 @@ fn route_of(
         regions.iter().map(|region| region.shifted(shift)).collect()
     };
     let keep_out = on_machine(stack.keep_out);
-    let outline_of = |layer: u32| {
-        let of = stack.layers.partition_point(|of| of.number < layer);
-        stack.kinds[stack.layers[of].kind].outline
-    };
+    let outline_of = |layer: u32| stack.outline_number(layer);
     let mut route = Route::default();
     let (mut at, mut number, mut crossings) = (stack.start, 0, 0);
     for curves in curves.chunk_by(|p, q| outline_of(p.layer) == outline_of(q.layer)) {
@@ -285,7 +311,7 @@ fn route_of(
         crossings += outline_crossings(&of_outline, &ground);
         number += curves.len() as u32;
         route.moves.extend(of_outline.moves);
-        at = route.end().unwrap_or(at);
+        at = route.end().or(at);
     }
     if stack.is_last {
         lift_at_end(&mut route, settings);

@@ -22,6 +22,7 @@ use crate::cli::args::other_names::OtherNames;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
 pub(crate) use names::{FormatName, UnitName};
 
+use crate::pipeline::shards::Shard;
 use crate::settings::Place;
 use crate::settings::options::Options;
 
@@ -249,9 +250,13 @@ pub(crate) struct PlanArgs {
         default_value_if("surface", ArgPredicate::IsPresent, NO_INPUT)
     )]
     pub input: PathBuf,
-    /// Job file to write.
-    #[arg(short, long, value_name = "JOB.hwj")]
-    pub output: PathBuf,
+    /// Job file to write; none with --shard.
+    #[arg(short, long, value_name = "JOB.hwj", required_unless_present = "shard")]
+    pub output: Option<PathBuf>,
+    /// Plan only every Nth block of a mesh's layers, from the Kth on, into the folder of --cache, and write no job: on
+    /// several machines at once. The same command without it then takes all blocks from the folder.
+    #[arg(long, value_name = "K/N", requires = "cache", conflicts_with_all = ["output", "against"], value_parser = shard)]
+    pub shard: Option<Shard>,
     #[command(flatten)]
     pub reading: InputArgs,
     #[command(flatten)]
@@ -265,6 +270,16 @@ pub(crate) struct PlanArgs {
     /// The figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+/// A share of the work, `K/N`.
+fn shard(text: &str) -> Result<Shard, String> {
+    let numbers = text.split_once('/');
+    let number = |text: &str| text.trim().parse::<usize>().ok();
+    match numbers.and_then(|(k, n)| Some((number(k)?, number(n)?))) {
+        Some((number, count)) if (1..=count).contains(&number) => Ok(Shard { number, count }),
+        _ => Err(format!("`{text}` is not K/N with 1 <= K <= N, such as 3/8")),
+    }
 }
 
 /// `headway headings`.

@@ -9,6 +9,7 @@ pub(crate) mod planned_curved;
 pub(crate) mod planned_gcode;
 pub(crate) mod planned_part;
 pub(crate) mod planned_patch;
+mod shards;
 pub(crate) mod verdict;
 
 use crate::cli::args::allow::AllowArgs;
@@ -26,12 +27,15 @@ use std::fs::File;
 use std::path::Path;
 
 pub(crate) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
-    check_file(&args.output)?;
+    let Some(output) = &args.output else {
+        return shards::run(args, console);
+    };
+    check_file(output)?;
     if !args.verdict.figures {
         console.show_few_notes();
     }
     let (planned, job) = verdict::planned_as_allowed(&args.allow, |widened| {
-        let mut job = JobPacking::new(nameless_file(&args.output)?);
+        let mut job = JobPacking::new(nameless_file(output)?);
         let planned = planned::from_input(
             &args.input,
             &args.reading,
@@ -43,7 +47,7 @@ pub(crate) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         )?;
         Ok((planned, job))
     })?;
-    let (mut planned, written) = write_job(planned, job, &args.allow, &args.output, console)?;
+    let (mut planned, written) = write_job(planned, job, &args.allow, output, console)?;
     let other = |settings: &SettingsArgs| {
         let (input, place) = (&args.input, &args.place);
         planned::from_input(input, &args.reading, place, settings, &[], None, console)

@@ -7,9 +7,10 @@
 use crate::cli::error::CliError;
 use crate::cli::terminal::output_file::{check_folder, write_file};
 use crate::pipeline::piece::{Piece, PieceCache};
+use siphasher::sip128::{Hasher128, SipHasher13};
+use std::hash::Hasher;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
 
 /// A folder of pieces, or none.
 pub(crate) struct CacheFolder {
@@ -44,6 +45,11 @@ fn file_of(folder: &Path, key: u128) -> PathBuf {
 }
 
 impl PieceCache for CacheFolder {
+    /// False as well after a block could not be written.
+    fn keeps(&self) -> bool {
+        self.folder.is_some()
+    }
+
     fn get(&mut self, key: u128) -> Option<Piece> {
         let path = file_of(self.folder.as_ref()?, key);
         let problem = match std::fs::read(&path) {
@@ -81,17 +87,15 @@ impl PieceCache for CacheFolder {
     }
 }
 
-/// The planning program: pieces of another build are not used.
+/// The planning program by what it consists of: pieces of another build are not used, those of the same one on another
+/// machine are.
 pub(crate) fn program() -> String {
-    let build = std::env::current_exe().and_then(|path| {
-        let known = std::fs::metadata(path)?;
-        let modified = known.modified()?;
-        let since = modified.duration_since(UNIX_EPOCH).unwrap_or_default();
-        Ok(format!("{} {}", known.len(), since.as_nanos()))
-    });
+    let bytes = std::env::current_exe().and_then(std::fs::read);
+    let mut hash = SipHasher13::new();
+    hash.write(&bytes.unwrap_or_default());
     format!(
-        "{} {}",
+        "{} {:032x}",
         env!("CARGO_PKG_VERSION"),
-        build.unwrap_or_default()
+        hash.finish128().as_u128()
     )
 }

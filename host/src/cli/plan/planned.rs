@@ -194,7 +194,10 @@ pub(crate) fn plan_error(path: &Path, error: &PlanError) -> CliError {
 }
 
 /// The settings with the options for the input's position.
-fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Settings, CliError> {
+pub(crate) fn placed_settings(
+    place: &PlaceArgs,
+    settings: &SettingsArgs,
+) -> Result<Settings, CliError> {
     let settings = load::settings(settings)?;
     let of_run = RunOptions {
         gap_mm: place.gap,
@@ -212,7 +215,7 @@ fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Setting
 }
 
 /// Options that go with another kind of input.
-fn check_options(
+pub(crate) fn check_options(
     input: &Input,
     place: &PlaceArgs,
     settings: &SettingsArgs,

@@ -15,6 +15,7 @@ use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::pipeline::PlanError;
 use crate::pipeline::mesh::{FirstLayer, PartContext, PartPlan, plan_part_in_pieces};
 use crate::pipeline::packing::JobPacking;
+use crate::pipeline::piece::PieceCache;
 use crate::pipeline::planned::{LaidPart, Planned};
 use crate::settings::Settings;
 use std::fs::File;
@@ -31,13 +32,7 @@ pub(crate) fn from_mesh(
     mut job: Option<&mut JobPacking<File>>,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    let heights = layer_heights(&place.layers, settings.layer_height_mm)?;
-    check_bead_height(&heights, &settings)?;
-    let first = FirstLayer {
-        speed_mm_s: load::first_layer_speed(place, &settings)?,
-    };
-    let part = cut(path, &loaded, &heights, place, &settings, console)?;
-    console.notes(&part.notes);
+    let (part, first) = sliced(path, &loaded, place, &settings, console)?;
     let LoadedMesh {
         name, mut notes, ..
     } = loaded;
@@ -80,6 +75,24 @@ pub(crate) fn from_mesh(
     Ok(planned)
 }
 
+/// The layers of a mesh, and how the first one differs.
+pub(crate) fn sliced(
+    path: &Path,
+    loaded: &LoadedMesh,
+    place: &PlaceArgs,
+    settings: &Settings,
+    console: &Console,
+) -> Result<(SlicedPart, FirstLayer), CliError> {
+    let heights = layer_heights(&place.layers, settings.layer_height_mm)?;
+    check_bead_height(&heights, settings)?;
+    let first = FirstLayer {
+        speed_mm_s: load::first_layer_speed(place, settings)?,
+    };
+    let part = cut(path, loaded, &heights, place, settings, console)?;
+    console.notes(&part.notes);
+    Ok((part, first))
+}
+
 /// The layers of a mesh, as often as it is to be printed.
 fn cut(
     path: &Path,
@@ -109,11 +122,15 @@ fn planned_pieces(
     take: &mut dyn FnMut(SegmentStream, u32) -> Result<(), String>,
     console: &Console,
 ) -> Result<PartPlan, PlanError> {
+    let program = match cache.keeps() {
+        true => program(),
+        false => String::new(),
+    };
     let bar = console.planning();
     let context = PartContext {
         progress: &bar,
         cache,
-        program: &program(),
+        program: &program,
         take,
     };
     let planned = plan_part_in_pieces(part, keep_out, first, settings, context);

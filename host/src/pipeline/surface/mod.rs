@@ -211,7 +211,7 @@ impl ChartJob {
             skirt_around: Some(&self.around),
             scale: Some(&laid.scale),
             transform: PartTransform::default(),
-            start,
+            start: Some(start),
             is_last: true,
             may_leave_out: false,
         };

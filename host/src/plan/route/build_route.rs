@@ -38,22 +38,22 @@ struct Head<'a> {
     route: Route,
 }
 
-/// Builds the route; `start` is the pose at rest before it (machine coordinates), `first_number` that
-/// of its first pass.
+/// Builds the route; `start` is the pose at rest before it (machine coordinates), or `None` where it begins at rest on
+/// its first pass, with no material laid; `first_number` is that of its first pass.
 ///
 /// # Errors
 /// If there is no path from one pass to the next.
 pub fn build_route(
     passes: &[PlanePass],
     first_number: u32,
-    start: [f64; CHANNELS],
+    start: Option<[f64; CHANNELS]>,
     ways: &mut TravelWays,
     scale: Option<&ScaleField>,
     settings: &Settings,
 ) -> Result<Route, TravelError> {
     let mut head = Head {
         settings,
-        at: start,
+        at: start.unwrap_or_else(|| first_pose(passes, settings)),
         route: Route::default(),
     };
     let volumes_mm3 = volumes_mm3(passes, scale, settings);
@@ -63,7 +63,9 @@ pub fn build_route(
         if rises {
             head.rise(pass);
         } else {
-            head.travel_to(pass, ways)?;
+            if i > 0 || start.is_some() {
+                head.travel_to(pass, ways)?;
+            }
             head.prime(pass, volume_mm3);
         }
         head.print(pass, volume_mm3, number);
@@ -75,6 +77,64 @@ pub fn build_route(
         }
     }
     Ok(head.route)
+}
+
+/// The pose in which the first of these passes begins, of its equal headings the one nearest to 0 that the stops allow.
+fn first_pose(passes: &[PlanePass], settings: &Settings) -> [f64; CHANNELS] {
+    let mut pose = [0.0; CHANNELS];
+    if let Some(pass) = passes.first() {
+        let [x, y, _] = pass.control[0];
+        pose[CHANNEL_X] = x;
+        pose[CHANNEL_Y] = y;
+        pose[CHANNEL_Z] = pass.z_mm;
+        pose[CHANNEL_HEADING] = entry_heading(pass, 0.0, settings);
+    }
+    pose
+}
+
+/// The travel alone from one pose at rest to another, where a pass of `layer` begins. If no stops bound the heading, it
+/// ends at the nearest of those equal to it for the deposit.
+///
+/// # Errors
+/// If there is no path.
+pub fn build_link(
+    from: [f64; CHANNELS],
+    to: [f64; CHANNELS],
+    layer: u32,
+    ways: &mut TravelWays,
+    settings: &Settings,
+) -> Result<Route, TravelError> {
+    let mut head = Head {
+        settings,
+        at: from,
+        route: Route::default(),
+    };
+    let is_free = heading_range(settings)
+        .iter()
+        .all(|stop| stop.is_infinite());
+    let own_rad = to[CHANNEL_HEADING];
+    let period_rad = settings.aperture.period_rad();
+    let place = Place {
+        layer,
+        at: [to[CHANNEL_X], to[CHANNEL_Y], own_rad],
+        z_mm: to[CHANNEL_Z],
+        heading_rad: match is_free {
+            true => nearest_heading(own_rad, from[CHANNEL_HEADING], period_rad),
+            false => own_rad,
+        },
+    };
+    head.travel(&place, ways)?;
+    Ok(head.route)
+}
+
+/// Where a travel ends.
+struct Place {
+    layer: u32,
+    /// Position and heading of the pass, mm, rad.
+    at: [f64; 3],
+    z_mm: f64,
+    /// The heading in which it is entered: equal to that of the pass for the deposit.
+    heading_rad: f64,
 }
 
 /// True where a pass begins right above the end of the one before it.
@@ -135,30 +195,39 @@ impl Head<'_> {
         });
     }
 
-    /// Lift, cross with the heading turned in the shorter direction, lower: as one curve if there is no
-    /// obstacle.
+    /// To the start of a pass, with the heading turned in the shorter direction.
     fn travel_to(&mut self, pass: &PlanePass, ways: &mut TravelWays) -> Result<(), TravelError> {
-        let first = pass.control[0];
-        let heading = entry_heading(pass, self.at[CHANNEL_HEADING], self.settings);
-        let above = pass.z_mm.max(self.at[CHANNEL_Z]) + self.settings.lift_mm;
+        let place = Place {
+            layer: pass.layer,
+            at: pass.control[0],
+            z_mm: pass.z_mm,
+            heading_rad: entry_heading(pass, self.at[CHANNEL_HEADING], self.settings),
+        };
+        self.travel(&place, ways)
+    }
+
+    /// Lift, cross with the heading turned, lower: as one curve if there is no obstacle.
+    fn travel(&mut self, place: &Place, ways: &mut TravelWays) -> Result<(), TravelError> {
+        let heading = place.heading_rad;
+        let above = place.z_mm.max(self.at[CHANNEL_Z]) + self.settings.lift_mm;
         let here = configuration([
             self.at[CHANNEL_X],
             self.at[CHANNEL_Y],
             self.at[CHANNEL_HEADING],
         ]);
-        let way = ways.way(here, configuration(first))?;
-        let to = Point2::new(first[0], first[1]);
-        if self.hop(pass, &way, to, above, heading) {
+        let way = ways.way(here, configuration(place.at))?;
+        let to = Point2::new(place.at[0], place.at[1]);
+        if self.hop(place, &way, to, above, heading) {
             return Ok(());
         }
-        self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, above)]);
-        self.cross(pass.layer, way, to, heading);
-        self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, pass.z_mm)]);
+        self.line(MotionState::Travel, place.layer, &[(CHANNEL_Z, above)]);
+        self.cross(place.layer, way, to, heading);
+        self.line(MotionState::Travel, place.layer, &[(CHANNEL_Z, place.z_mm)]);
         Ok(())
     }
 
     /// The travel without a stop; false where it has to be made of straight moves.
-    fn hop(&mut self, pass: &PlanePass, way: &Way, to: Point2, above: f64, heading: f64) -> bool {
+    fn hop(&mut self, place: &Place, way: &Way, to: Point2, above: f64, heading: f64) -> bool {
         let straight = way.corners.is_empty();
         if way.out.is_some() || way.back.is_some() || !(straight || way.rounded) {
             return false;
@@ -172,13 +241,13 @@ impl Head<'_> {
             legs: &legs,
             heading_rad: heading,
             above_mm: above,
-            end_mm: pass.z_mm,
+            end_mm: place.z_mm,
             step_mm: if straight { f64::INFINITY } else { round_mm },
         };
         let Some(control) = hop.control(self.settings) else {
             return false;
         };
-        self.push(MotionState::Travel, pass.layer, None, control, 0.0, None);
+        self.push(MotionState::Travel, place.layer, None, control, 0.0, None);
         true
     }
 

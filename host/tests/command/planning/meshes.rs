@@ -2,8 +2,8 @@
 //! nothing behind where it refuses. Method: the binary on the example hook and on broken files.
 
 use crate::rig::{
-    box_triangles, command, example, folder, headway, headway_with, object, path, stderr, stl,
-    succeeded,
+    box_triangles, command, example, folder, headway, headway_with, object, path, stderr, stdout,
+    stl, succeeded,
 };
 
 /// A tetrahedron of 10 mm as an ASCII STL.
@@ -631,4 +631,56 @@ fn pictures_show_their_layer_and_open_ground_is_named() {
     };
     assert!(outline(&lower) > outline(&upper), "{lower}");
     assert_eq!(outline(&upper), 3, "{upper}");
+}
+
+/// Goal: shares of a part that are planned by several runs, in any order, give the job of one run, byte for byte, and say
+/// which layers they planned; a share of what is no mesh in flat layers, and one that does not exist, are refused.
+#[test]
+fn shards_of_a_part_give_the_same_job() {
+    let folder = folder("shards");
+    let mesh = folder.join("tetrahedron.stl");
+    std::fs::write(&mesh, stl(TETRAHEDRON)).expect("a mesh");
+    let (cache, job) = (folder.join("cache"), folder.join("job.hwj"));
+    let asked = ["plan", path(&mesh), "--layer-height", "0.4"];
+    let with_cache = [&asked[..], &["--cache", path(&cache)]].concat();
+    let shard = |of: &str| headway(&[&with_cache[..], &["--shard", of]].concat());
+    let job_of = |asked: &[&str]| {
+        succeeded(&headway(&[asked, &["-o", path(&job)]].concat()));
+        std::fs::read(&job).expect("a job")
+    };
+    let mut layers = Vec::new();
+    for of in ["2/2", "1/2"] {
+        let planned = shard(of);
+        succeeded(&planned);
+        assert!(!job.exists());
+        let said = stdout(&planned);
+        assert!(said.contains(&format!("shard {of}: ")), "{said}");
+        let own = said.lines().filter(|line| line.ends_with(" planned"));
+        layers.extend(own.map(str::to_string));
+    }
+    assert!(layers.len() > 2, "{layers:?}");
+    let pieces = || std::fs::read_dir(&cache).expect("a folder").count();
+    assert_eq!(pieces(), layers.len());
+    let of_shards = job_of(&with_cache);
+    assert_eq!(pieces(), layers.len(), "nothing was planned again");
+    assert!(of_shards == job_of(&asked));
+    let again = stdout(&shard("1/2"));
+    assert!(
+        again.contains(" was there") && !again.contains(" planned"),
+        "{again}"
+    );
+
+    let refused = |more: &[&str], words: &str| {
+        let output = headway(&[&with_cache[..], more].concat());
+        assert_eq!(output.status.code(), Some(2), "{more:?}");
+        assert!(stderr(&output).contains(words), "{}", stderr(&output));
+    };
+    refused(&["--shard", "3/2"], "3/8");
+    refused(&["--shard", "1/2", "-o", path(&job)], "--output");
+    refused(&["--shard", "1/2", "--curved-layers", "all"], "flat layers");
+    let outline = example("u-part.json");
+    let output = headway(&["plan", &outline, "--cache", path(&cache), "--shard", "1/2"]);
+    assert_eq!(output.status.code(), Some(2));
+    let alone = headway(&[&asked[..], &["--shard", "1/2"]].concat());
+    assert!(stderr(&alone).contains("--cache"), "{}", stderr(&alone));
 }

@@ -1,5 +1,6 @@
 //! Layers: covered, filled, bridged, stacked, kept out of.
 
+mod blocks;
 mod bridges;
 mod infill;
 mod keep_out;

@@ -139,7 +139,7 @@ fn empty_stack<'a>(start: [f64; CHANNELS]) -> Stack<'a> {
         skirt_around: None,
         scale: None,
         transform: PartTransform::default(),
-        start,
+        start: Some(start),
         is_last: true,
         may_leave_out: true,
     }
