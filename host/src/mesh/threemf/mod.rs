@@ -105,12 +105,17 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
         name: named.filter(|_| items.len() == 1),
         unit_mm: root.unit_mm,
         notes,
-        groups: (groups.into_iter())
-            .map(|(name, triangles)| (name.to_string(), triangles))
-            .collect(),
+        groups: owned(groups),
         triangle_colours: colours,
         ..RawMesh::default()
     })
+}
+
+fn owned(groups: BTreeMap<&str, Vec<Range<usize>>>) -> Vec<(String, Vec<Range<usize>>)> {
+    let groups = groups.into_iter();
+    groups
+        .map(|(name, triangles)| (name.to_string(), triangles))
+        .collect()
 }
 
 fn problem(what: &str) -> MeshError {
