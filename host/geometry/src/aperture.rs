@@ -343,16 +343,18 @@ impl Aperture {
 
     /// True if the point (relative to the centre) is in the aperture at this heading.
     pub fn contains(&self, heading_rad: f64, offset: Vector2) -> bool {
+        self.contains_in_tool(to_tool(heading_rad, offset))
+    }
+
+    /// The same of a point in the tool's frame.
+    #[inline]
+    pub fn contains_in_tool(&self, own: Vector2) -> bool {
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => {
-                let (sin, cos) = heading_rad.sin_cos();
-                let along = (offset.x * cos + offset.y * sin) / major_mm;
-                let across = (offset.y * cos - offset.x * sin) / minor_mm;
+                let (along, across) = (own.x / major_mm, own.y / minor_mm);
                 along * along + across * across <= 1.0
             }
-            Aperture::Rounded(shape) => {
-                shape.signed_distance_mm(to_tool(heading_rad, offset)) <= 0.0
-            }
+            Aperture::Rounded(shape) => shape.signed_distance_mm(own) <= 0.0,
         }
     }
 

@@ -18,9 +18,10 @@ use super::spline_surface::SplineSurface;
 use super::{Point2, Vector2};
 use std::sync::Arc;
 
-/// Step between the places at which the scale is sampled, mm, unless there are more than this along an axis.
-const STEP_MM: f64 = 0.5;
-const STEPS_MAX: f64 = 128.0;
+/// Step between the places at which the scale is sampled, mm, unless there are more than this along an axis. Beside a fold the
+/// scale changes within a millimetre: at twice the step it is half a per cent off there, 3 um of the nozzle's half.
+const STEP_MM: f64 = 0.25;
+const STEPS_MAX: f64 = 256.0;
 /// How far the field may be off the logarithm at them, and its least pitch in steps.
 const NEAR: f64 = 1e-4;
 const PITCH_STEPS: f64 = 2.0;

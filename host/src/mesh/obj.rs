@@ -27,7 +27,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
         colours.extend(own.map(|colour| [0, 1, 2].map(|k| (255.0 * colour[k]).round() as u8)));
         let triangles = mesh.triangles.len();
         let faces = model.mesh.indices.len() / 3;
-        groups.push((model.name.clone(), triangles..triangles + faces));
+        let run = triangles..triangles + faces;
+        groups.push((model.name.clone(), vec![run]));
         let corners = model.mesh.positions.chunks_exact(3);
         mesh.vertices
             .extend(corners.map(|p| Point3::new(p[0], p[1], p[2])));

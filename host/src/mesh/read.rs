@@ -61,15 +61,17 @@ pub(super) struct RawMesh {
     pub unit_mm: f64,
     pub notes: Vec<String>,
     /// Names that the file gives to runs of the mesh's triangles.
-    pub groups: Vec<(String, std::ops::Range<usize>)>,
+    pub groups: Vec<(String, Vec<std::ops::Range<usize>>)>,
     /// Colours of the mesh's vertices, if it has any.
     pub colours: Vec<[u8; 3]>,
+    /// Colours of the mesh's triangles, if it has any.
+    pub triangle_colours: Vec<Option<[u8; 3]>>,
 }
 
 /// Which triangles of a surface are meant.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SurfaceRegion {
-    /// Those of a group or object of that name.
+    /// Those of a group, object, component or volume of that name.
     Group(String),
     /// Triangles of which all corners have that colour.
     Colour([u8; 3]),
@@ -107,7 +109,7 @@ pub fn read(
     format: MeshFormat,
     options: &MeshOptions,
 ) -> Result<LoadedMesh, MeshError> {
-    let raw = read_raw(bytes, format, options)?;
+    let raw = read_raw(bytes, format, options, false)?;
     let triangles = raw.triangles();
     let is_without_unit = format != MeshFormat::ThreeMf
         && options.unit_mm.is_none()
@@ -261,7 +263,7 @@ pub fn read_surface(
     options: &MeshOptions,
     region: Option<&SurfaceRegion>,
 ) -> Result<Mesh, MeshError> {
-    let mut raw = read_raw(bytes, format, options)?;
+    let mut raw = read_raw(bytes, format, options, region.is_some())?;
     if let Some(region) = region {
         raw.keep(region)?;
     }
@@ -277,11 +279,16 @@ pub fn read_surface(
     }
 }
 
-/// The triangles in mm.
-fn read_raw(bytes: &[u8], format: MeshFormat, options: &MeshOptions) -> Result<RawMesh, MeshError> {
+/// The triangles in mm, those of a 3MF with names and colours or without.
+fn read_raw(
+    bytes: &[u8],
+    format: MeshFormat,
+    options: &MeshOptions,
+    with_names: bool,
+) -> Result<RawMesh, MeshError> {
     let mut raw = match format {
         MeshFormat::Stl => stl::read(bytes)?,
-        MeshFormat::ThreeMf => threemf::read(bytes)?,
+        MeshFormat::ThreeMf => threemf::read(bytes, with_names)?,
         MeshFormat::Obj => obj::read(bytes)?,
     };
     let factor = options.unit_mm.unwrap_or(raw.unit_mm) * options.scale;
@@ -308,14 +315,19 @@ fn read_raw(bytes: &[u8], format: MeshFormat, options: &MeshOptions) -> Result<R
 impl RawMesh {
     /// Leaves only the triangles of a region.
     fn keep(&mut self, region: &SurfaceRegion) -> Result<(), MeshError> {
-        let is_meant = |number: usize, triangle: &[u32; 3]| match region {
-            SurfaceRegion::Group(name) => {
-                let mut own = self.groups.iter().filter(|(own, _)| own == name);
-                own.any(|(_, triangles)| triangles.contains(&number))
+        let mut is_named = vec![false; self.mesh.triangles.len()];
+        if let SurfaceRegion::Group(name) = region {
+            let own = self.groups.iter().filter(|(own, _)| own == name);
+            for triangles in own.flat_map(|(_, triangles)| triangles) {
+                is_named[triangles.clone()].fill(true);
             }
+        }
+        let is_meant = |number: usize, triangle: &[u32; 3]| match region {
+            SurfaceRegion::Group(_) => is_named[number],
             SurfaceRegion::Colour(colour) => {
                 let own = |vertex: &u32| self.colours.get(*vertex as usize) == Some(colour);
                 triangle.iter().all(own)
+                    || self.triangle_colours.get(number) == Some(&Some(*colour))
             }
             SurfaceRegion::Normal { most_rad } => {
                 let [a, b, c] = triangle.map(|vertex| self.mesh.vertices[vertex as usize]);

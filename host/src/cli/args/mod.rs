@@ -165,8 +165,8 @@ pub(crate) struct PlaceArgs {
     /// mesh is covered up to its rims: these two may overhang or close around.
     #[arg(long, value_name = "MESH")]
     pub surface: Option<PathBuf>,
-    /// Region of the surface: group:NAME (of an OBJ), colour:#RRGGBB (of an OBJ's vertices), or normal:DEG, with
-    /// normals tilted from Z by no more than that.
+    /// Region of the surface: group:NAME (of an OBJ, or an object or component of a 3MF), colour:#RRGGBB (of all three
+    /// corners of a triangle), or normal:DEG, with normals tilted from Z by no more than that.
     #[arg(long, value_name = "REGION", requires = "surface")]
     pub surface_region: Option<String>,
     /// Layers of a mesh that follow its tops instead of forming stairs: all of them, a number over flat ones (skin:M,

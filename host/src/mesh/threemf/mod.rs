@@ -7,8 +7,9 @@
 //! Slicers store objects in separate model files next to the one with the build: a component names the
 //! file; otherwise an object that is missing in its own model is searched for in the others. Volumes that
 //! are not material (modifiers, support blockers and enforcers) are omitted, negative ones are subtracted
-//! from their object. Other settings of a project are not applied, and reported. Not covered: colours,
-//! materials and textures.
+//! from their object. Other settings of a project are not applied, and reported. Where a region of the mesh is asked
+//! for, its triangles keep the names of the objects and volumes they are of, and their colours. Not covered: materials
+//! and textures.
 
 mod model;
 mod package;
@@ -23,7 +24,8 @@ use super::{Mesh, MeshError, Point3};
 use model::{Item, Model, Object, Transform, UNMOVED};
 use package::{Files, files};
 use roles::{Role, Roles};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
 use unfollowed::Aside;
 
 const FORMAT: &str = "3MF";
@@ -33,8 +35,8 @@ const DEPTH_MAX: usize = 16;
 /// components repeat objects that are stored once, so that a few lines may name any number of them.
 const PARTS_MAX: usize = 100_000;
 
-/// Reads what the build places.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
+/// Reads what the build places, with names and colours of its triangles or without.
+pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError> {
     let files = files(bytes)?;
     let Files {
         models,
@@ -47,6 +49,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
         models,
         roles,
         only_counts: true,
+        with_names,
+        names: Vec::new(),
         triangles: 0,
         parts: 0,
         item: Body::default(),
@@ -61,13 +65,23 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     placing.only_counts = false;
     placing.placed.clear();
     let (mut mesh, mut carved) = (Mesh::default(), Vec::new());
+    let mut groups = BTreeMap::<&str, Vec<Range<usize>>>::new();
+    let mut colours = Vec::new();
     for item in &items {
         placing.add(item, root, &Place::of(item))?;
-        let Body { solid, cut } = std::mem::take(&mut placing.item);
-        match cut.triangles.is_empty() || solid.triangles.is_empty() {
-            true => mesh.append(&solid),
-            false => carved.push((solid, cut)),
+        let body = std::mem::take(&mut placing.item);
+        let Body { solid, cut, .. } = body;
+        if !cut.triangles.is_empty() && !solid.triangles.is_empty() {
+            carved.push((solid, cut));
+            continue;
         }
+        let first = mesh.triangles.len();
+        for (name, own) in body.named {
+            let own = first + own.start..first + own.end;
+            groups.entry(name).or_default().push(own);
+        }
+        colours.extend(body.colours);
+        mesh.append(&solid);
     }
     if mesh.triangles.is_empty() && carved.is_empty() && !placing.is_all_printed(root, &items) {
         return Err(MeshError::NothingPrinted);
@@ -91,8 +105,17 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
         name: named.filter(|_| items.len() == 1),
         unit_mm: root.unit_mm,
         notes,
+        groups: owned(groups),
+        triangle_colours: colours,
         ..RawMesh::default()
     })
+}
+
+fn owned(groups: BTreeMap<&str, Vec<Range<usize>>>) -> Vec<(String, Vec<Range<usize>>)> {
+    let groups = groups.into_iter();
+    groups
+        .map(|(name, triangles)| (name.to_string(), triangles))
+        .collect()
 }
 
 fn problem(what: &str) -> MeshError {
@@ -125,9 +148,13 @@ fn mirrors(m: &Transform) -> bool {
 
 /// The material of an item, and the volumes cut from it.
 #[derive(Default)]
-struct Body {
+struct Body<'a> {
     solid: Mesh,
     cut: Mesh,
+    /// Runs of the solid's triangles by the names of what they are of.
+    named: Vec<(&'a str, Range<usize>)>,
+    /// Colours of the solid's triangles.
+    colours: Vec<Option<[u8; 3]>>,
 }
 
 /// Where an object is placed.
@@ -157,11 +184,14 @@ struct Placing<'a> {
     models: &'a [Model],
     roles: &'a Roles,
     only_counts: bool,
+    with_names: bool,
+    /// Of the object that is being placed, and of those that it is part of.
+    names: Vec<&'a str>,
     /// Counted so far.
     triangles: usize,
     parts: usize,
     /// Of the item that is being placed.
-    item: Body,
+    item: Body<'a>,
     aside: Aside,
     placed: Vec<&'a Object>,
 }
@@ -208,6 +238,14 @@ impl<'a> Placing<'a> {
             ..*outer
         };
         let name = volume.and_then(|volume| volume.name.as_ref());
+        let around = self.names.len();
+        let slicer = self.roles.objects.get(&id).filter(|_| outer.depth == 0);
+        let slicer = slicer.and_then(|notes| notes.name.as_ref());
+        for own in [name, object.name.as_ref(), slicer].into_iter().flatten() {
+            if self.with_names && !self.names.contains(&own.as_str()) {
+                self.names.push(own);
+            }
+        }
         self.add_object(object, &place, name.or(object.name.as_ref()))?;
         for component in &object.components {
             // A component of the same number is another model's.
@@ -220,6 +258,7 @@ impl<'a> Placing<'a> {
             let depth = place.depth + 1;
             self.add(component, from, &Place { depth, ..place })?;
         }
+        self.names.truncate(around);
         Ok(())
     }
 
@@ -228,7 +267,7 @@ impl<'a> Placing<'a> {
         &mut self,
         object: &'a Object,
         place: &Place,
-        name: Option<&String>,
+        name: Option<&'a String>,
     ) -> Result<(), MeshError> {
         if self.only_counts {
             return self.count(object);
@@ -276,12 +315,28 @@ impl<'a> Placing<'a> {
     fn add_triangles(
         &mut self,
         object: &Object,
-        triangles: std::ops::Range<usize>,
+        triangles: Range<usize>,
         place: &Place,
-        name: Option<&String>,
+        name: Option<&'a String>,
     ) {
         if triangles.is_empty() {
             return;
+        }
+        if self.with_names && place.role == Role::Part {
+            let Body {
+                solid,
+                named,
+                colours,
+                ..
+            } = &mut self.item;
+            let first = solid.triangles.len();
+            let own = first..first + triangles.len();
+            let names = self.names.iter().copied();
+            let own_name = name.map(String::as_str);
+            let own_name = own_name.filter(|name| !self.names.contains(name));
+            named.extend(names.chain(own_name).map(|name| (name, own.clone())));
+            let colour = |triangle: usize| object.colours.get(triangle).copied().flatten();
+            colours.extend(triangles.clone().map(colour));
         }
         let mesh = match place.role {
             Role::Part => &mut self.item.solid,

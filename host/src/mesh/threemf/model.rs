@@ -1,13 +1,14 @@
 //! A model file of a 3MF package: its objects, and the items of its build.
 //!
-//! Resources may be in any order. Colours, materials and textures are dropped; triangles painted by
-//! slicers are counted.
+//! Resources may be in any order. Triangles get the colours of base materials and colour groups; textures and mixtures
+//! are dropped; triangles painted by slicers are counted.
 
 use super::problem;
 use super::roles::{KeyValues, Role};
 use super::xml::{Part, Tag, read};
 use crate::mesh::read::TRIANGLES_MAX;
 use crate::mesh::{MeshError, Point3};
+use std::collections::HashMap;
 use std::io::BufRead;
 
 /// Rows of a transform as the format has them: a point is a row in front of the matrix.
@@ -53,7 +54,23 @@ pub(super) struct Object {
     /// What Cura keeps with an object.
     pub settings: KeyValues,
     pub painted: Painted,
+    /// The colour of each triangle whose corners have one in common; empty where no triangle has a colour.
+    pub colours: Vec<Option<[u8; 3]>>,
+    /// The colour of what names none itself.
+    colour: Coloured,
+    /// Triangles that name one.
+    coloured: Vec<(u32, Coloured)>,
 }
+
+/// A group of colours, and the ones in it that corners have.
+#[derive(Clone, Copy, Debug, Default)]
+struct Coloured {
+    group: Option<usize>,
+    corners: [Option<usize>; 3],
+}
+
+/// Groups of colours by their numbers.
+type ColourGroups = HashMap<usize, Vec<Option<[u8; 3]>>>;
 
 /// An object that is placed, by the build or by another object.
 #[derive(Clone, Debug)]
@@ -85,6 +102,9 @@ struct Reading {
     /// Objects, items and components.
     declared: usize,
     declared_max: usize,
+    groups: ColourGroups,
+    /// The group whose colours are next.
+    group: Option<usize>,
 }
 
 /// Reads a model.
@@ -106,9 +126,17 @@ pub(super) fn read_model(
         setting: None,
         declared: 0,
         declared_max,
+        groups: ColourGroups::new(),
+        group: None,
     };
     read(text, |part| reading.take(part))?;
-    Ok(reading.model)
+    let Reading {
+        mut model, groups, ..
+    } = reading;
+    for object in &mut model.objects {
+        object.colour_by(&groups);
+    }
+    Ok(model)
 }
 
 impl Reading {
@@ -116,8 +144,10 @@ impl Reading {
         match part {
             Part::Open(tag) => self.open(&tag),
             Part::Close(name) => {
-                if name == "object" {
-                    self.model.objects.extend(self.object.take());
+                match name.as_ref() {
+                    "object" => self.model.objects.extend(self.object.take()),
+                    "basematerials" | "colorgroup" => self.group = None,
+                    _ => {}
                 }
                 self.setting = None;
                 Ok(())
@@ -156,9 +186,16 @@ impl Reading {
                     id: tag.number("id")?,
                     name: tag.get("name").filter(|name| !name.is_empty()),
                     kind: tag.get("type").unwrap_or_default(),
+                    colour: Coloured {
+                        group: tag.number("pid").ok(),
+                        corners: [tag.number("pindex").ok(); 3],
+                    },
                     ..Object::default()
                 });
             }
+            ("basematerials" | "colorgroup", None) => self.group = tag.number("id").ok(),
+            ("base", None) => self.add_colour(tag.get("displaycolor")),
+            ("color", None) => self.add_colour(tag.get("color")),
             ("item", None) => {
                 let item = self.item(tag)?;
                 self.model.items.push(item);
@@ -167,6 +204,14 @@ impl Reading {
             _ => {}
         }
         Ok(())
+    }
+
+    /// The next colour of its group.
+    fn add_colour(&mut self, text: Option<String>) {
+        if let Some(group) = self.group {
+            let colour = text.and_then(|text| colour_of(&text));
+            self.groups.entry(group).or_default().push(colour);
+        }
     }
 
     fn declare(&mut self) -> Result<(), MeshError> {
@@ -198,14 +243,70 @@ impl Object {
             return Err(MeshError::TooMany { triangles });
         }
         self.triangles.push(tag.numbers(["v1", "v2", "v3"])?);
-        tag.for_attributes(|name| {
+        let mut coloured = Coloured::default();
+        tag.for_attributes(|name, value| {
+            coloured.take(name, value);
             let is_it = |names: &[&str; 2]| names.iter().any(|n| n.as_bytes() == name);
             if let Some(paint) = PAINTS.iter().position(|(_, names)| is_it(names)) {
                 self.painted[paint] += 1;
             }
         });
+        if coloured.group.is_some() || coloured.corners[0].is_some() {
+            self.coloured.push((triangles as u32 - 1, coloured));
+        }
         Ok(())
     }
+
+    /// Gives each triangle the colour that its corners have in common.
+    fn colour_by(&mut self, groups: &ColourGroups) {
+        let own = self.colour.of_all(groups);
+        if groups.is_empty() || (own.is_none() && self.coloured.is_empty()) {
+            return;
+        }
+        self.colours = vec![own; self.triangles.len()];
+        for (triangle, coloured) in std::mem::take(&mut self.coloured) {
+            self.colours[triangle as usize] = coloured.or(&self.colour).of_all(groups);
+        }
+    }
+}
+
+impl Coloured {
+    /// From an attribute of a triangle.
+    fn take(&mut self, name: &[u8], value: &[u8]) {
+        let number = || std::str::from_utf8(value).ok()?.trim().parse().ok();
+        match name {
+            b"pid" => self.group = number(),
+            b"p1" => self.corners[0] = number(),
+            b"p2" => self.corners[1] = number(),
+            b"p3" => self.corners[2] = number(),
+            _ => {}
+        }
+    }
+
+    /// What a triangle leaves out is its object's, and the second and third corner are as the first.
+    fn or(self, object: &Coloured) -> Coloured {
+        let first = self.corners[0].or(object.corners[0]);
+        Coloured {
+            group: self.group.or(object.group),
+            corners: self.corners.map(|corner| corner.or(first)),
+        }
+    }
+
+    /// The colour that all corners have.
+    fn of_all(&self, groups: &ColourGroups) -> Option<[u8; 3]> {
+        let group = groups.get(&self.group?)?;
+        let [a, b, c] = self.corners.map(|corner| *group.get(corner?)?);
+        a.filter(|_| a == b && b == c)
+    }
+}
+
+/// `#RRGGBB` with or without an opacity.
+fn colour_of(text: &str) -> Option<[u8; 3]> {
+    let digits = text.trim().strip_prefix('#')?;
+    let is_one = matches!(digits.len(), 6 | 8) && digits.bytes().all(|b| b.is_ascii_hexdigit());
+    let digits = digits.get(..6).filter(|_| is_one)?;
+    let [_, colour @ ..] = u32::from_str_radix(digits, 16).ok()?.to_be_bytes();
+    Some(colour)
 }
 
 fn unit_mm(tag: &Tag) -> Result<f64, MeshError> {

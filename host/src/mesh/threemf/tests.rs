@@ -4,7 +4,9 @@
 
 use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::mesh::test_meshes::{cuboid, joined, model_3mf, object_3mf, to_3mf, to_package};
-use crate::mesh::{LoadedMesh, Mesh, MeshError, MeshFormat, MeshOptions, read};
+use crate::mesh::{
+    LoadedMesh, Mesh, MeshError, MeshFormat, MeshOptions, SurfaceRegion, read, read_surface,
+};
 
 const MODEL: &str = "3D/3dmodel.model";
 const UPPER: [f64; 3] = [0.0, 0.0, 5.0];
@@ -377,4 +379,73 @@ fn what_is_not_followed_is_said() {
     let codes = ["pause at 5.2 mm", "colour change at 7 mm", "G-code at 3 mm"];
     assert!(has(&notes, &codes), "{notes:?}");
     assert!(has(&notes, &["layer heights that change"]), "{notes:?}");
+}
+
+/// A square of two triangles at a height, as an object of a 3MF with attributes of its own, and those of its triangles.
+fn square(id: u32, z_mm: f64, own: &str, of_triangles: [&str; 2]) -> String {
+    let corners = [[0, 0], [4, 0], [4, 4], [0, 4]];
+    let vertex = |[x, y]: [i32; 2]| format!("<vertex x=\"{x}\" y=\"{y}\" z=\"{z_mm}\"/>");
+    let vertices: String = corners.map(vertex).concat();
+    let [one, other] = of_triangles;
+    format!(
+        "<object id=\"{id}\" {own}><mesh><vertices>{vertices}</vertices><triangles><triangle v1=\"0\" v2=\"1\" v3=\"2\" \
+         {one}/><triangle v1=\"0\" v2=\"2\" v3=\"3\" {other}/></triangles></mesh></object>"
+    )
+}
+
+/// Goal: triangles of a 3MF are found by the names of the objects and components they are of, and by the colour of all
+/// three corners. Method: squares of 16 mm² at heights of 1 to 4 mm, of which the first two are components of a third
+/// object; colours of a base material, of a colour group with an opacity, of an object and of its triangles; which triangles
+/// are left is seen by height and area.
+#[test]
+fn regions_are_found_by_name_and_colour() {
+    let resources = [
+        square(3, 1.0, "name=\"lid\"", ["pid=\"1\" p1=\"1\"", ""]),
+        square(4, 2.0, "name=\"rim\" pid=\"2\" pindex=\"0\"", ["", "p1=\"1\""]),
+        square(
+            5,
+            3.0,
+            "name=\"foot\" pid=\"1\" pindex=\"0\"",
+            ["pid=\"2\" p1=\"0\" p2=\"0\" p3=\"1\"", "pid=\"9\" p1=\"0\""],
+        ),
+        // Resources may come after what they are of.
+        "<basematerials id=\"1\"><base name=\"PLA\" displaycolor=\"#0000FF\"/><base name=\"TPU\" \
+         displaycolor=\"#ff8000\"/></basematerials>"
+            .to_string(),
+        "<m:colorgroup id=\"2\"><m:color color=\"#FF8000C0\"/><m:color color=\"#00FF00\"/></m:colorgroup>".to_string(),
+        "<object id=\"6\" name=\"cap\"><components><component objectid=\"3\"/><component objectid=\"4\"/></components>\
+         </object>"
+            .to_string(),
+    ]
+    .concat();
+    let items = "<item objectid=\"6\"/><item objectid=\"5\"/><item objectid=\"3\" transform=\"1 0 0 0 1 0 0 0 1 0 0 3\"/>";
+    let model = model_3mf("millimeter", &resources, items);
+    let bytes = to_package(&[(MODEL, model.as_str())]);
+    // Height and number of triangles.
+    let left = |region: SurfaceRegion| -> Vec<(f64, usize)> {
+        let options = MeshOptions::default();
+        let mesh =
+            read_surface(&bytes, MeshFormat::ThreeMf, &options, Some(&region)).expect("some");
+        let mut heights: Vec<f64> = (0..mesh.triangles.len())
+            .map(|number| mesh.corners(number)[0].z)
+            .collect();
+        heights.sort_by(f64::total_cmp);
+        let runs = heights.chunk_by(|a, b| a == b);
+        runs.map(|run| (run[0], run.len())).collect()
+    };
+    let group = |name: &str| SurfaceRegion::Group(name.to_string());
+    assert_eq!(left(group("cap")), [(1.0, 2), (2.0, 2)]);
+    assert_eq!(left(group("lid")), [(1.0, 2), (4.0, 2)]);
+    assert_eq!(left(group("foot")), [(3.0, 2)]);
+    // One triangle of each lid by its base material, one of the rim by its object's colour.
+    let orange = SurfaceRegion::Colour([0xff, 0x80, 0]);
+    assert_eq!(left(orange), [(1.0, 1), (2.0, 1), (4.0, 1)]);
+    assert_eq!(left(SurfaceRegion::Colour([0, 0xff, 0])), [(2.0, 1)]);
+    // Of the foot one triangle has corners that differ, one a group that there is not.
+    let options = MeshOptions::default();
+    let none = |region| read_surface(&bytes, MeshFormat::ThreeMf, &options, Some(&region)).err();
+    let names = "cap, foot, lid, rim".to_string();
+    let refused = Some(MeshError::NoSuchRegion { groups: names });
+    assert_eq!(none(SurfaceRegion::Colour([0, 0, 0xff])), refused);
+    assert_eq!(none(group("hat")), refused);
 }

@@ -71,10 +71,10 @@ impl Tag<'_> {
         ))
     }
 
-    /// Calls with the name of each attribute, without its prefix.
-    pub fn for_attributes(&self, mut call: impl FnMut(&[u8])) {
+    /// Calls with the name of each attribute, without its prefix, and its value.
+    pub fn for_attributes(&self, mut call: impl FnMut(&[u8], &[u8])) {
         for attribute in self.0.attributes().with_checks(false).flatten() {
-            call(attribute.key.local_name().as_ref());
+            call(attribute.key.local_name().as_ref(), &attribute.value);
         }
     }
 }

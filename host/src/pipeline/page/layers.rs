@@ -36,9 +36,10 @@ impl<'a> LayerMotions<'a> {
             let [from, end] = ticks_of(stream, layer);
             end.saturating_sub(from)
         };
-        let ticks = match shown {
-            [_] => duration_ticks(stream),
-            _ => shown.iter().map(|shown| long(shown.layer)).sum(),
+        let is_all = shown.len() == 1 || !bare_layers(planned, shown).is_empty();
+        let ticks = match is_all {
+            true => duration_ticks(stream),
+            false => shown.iter().map(|shown| long(shown.layer)).sum(),
         };
         LayerMotions {
             planned,
@@ -155,6 +156,7 @@ impl<'a> LayerMotions<'a> {
 pub fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>, Vec<usize>) {
     let mut of_page: Vec<u32> = shown.iter().map(|shown| shown.layer).collect();
     of_page.extend(bare_layers(planned, shown));
+    of_page.sort_unstable();
     let kinds = kinds_of_layers(planned);
     let layers = planned.stream.layers();
     let alike = |a: u32, b: u32| match kinds.len() == layers as usize {
@@ -178,7 +180,7 @@ pub fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
 
 /// Numbers of the layers that have no pictures and differ from all that have.
 fn bare_layers(planned: &Planned, shown: &[ShownLayer]) -> Vec<u32> {
-    let [only] = shown else {
+    let Some(lowest) = shown.first() else {
         return Vec::new();
     };
     let (layers, stream) = (planned.stream.layers(), &planned.stream);
@@ -189,7 +191,9 @@ fn bare_layers(planned: &Planned, shown: &[ShownLayer]) -> Vec<u32> {
         let [from, end] = stream.ticks_of_layer(*layer);
         from < end
     };
-    (only.layer + 1..layers).filter(moves).collect()
+    let is_bare = |layer: &u32| shown.iter().all(|shown| shown.layer != *layer);
+    let bare = (lowest.layer + 1..layers).filter(is_bare);
+    bare.filter(moves).collect()
 }
 
 /// First and last tick of a layer; of the only one all there is.

@@ -70,11 +70,18 @@ fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
     let lowest = planned.stream.marks.first().map_or(0, |mark| mark.layer);
     // A job from a file may be without its settings, and a part's layers all differ.
     if layers <= 1 || kind_of_layer.len() != layers as usize {
-        let label = match layers {
+        let label = |layer: u32| match layers {
             0 | 1 => String::new(),
-            _ => format!("layer {} of {layers}", lowest + 1),
+            _ => format!("layer {} of {layers}", layer + 1),
         };
-        return vec![ShownLayer::of(planned, lowest, label)];
+        // Of a part in curved layers the last as well: it follows the top.
+        let is_curved = planned.plan.as_ref();
+        let is_curved = is_curved.is_some_and(|plan| plan.curved_layers.is_some());
+        let last = (is_curved && layers > lowest + 1).then(|| layers - 1);
+        let shown = std::iter::once(lowest).chain(last);
+        return shown
+            .map(|layer| ShownLayer::of(planned, layer, label(layer)))
+            .collect();
     }
     let kinds = kind_of_layer.iter().max().map_or(0, |last| last + 1);
     (0..kinds)
@@ -235,6 +242,11 @@ pub fn plan_picture<'a>(title: &'a str, planned: &'a Planned, layer: u32) -> Pla
         axis.extend(links.map(|&[from, to]| vec![from + skirt.offset, to + skirt.offset]));
     }
     let keep_out = planned.plan.as_ref().map(|plan| plan.keep_out.as_slice());
+    // Those of a part in curved layers are of all layers together.
+    let unreachable = match &planned.plan {
+        Some(plan) if plan.curved_layers.is_some() => &[][..],
+        _ => &planned.unreachable,
+    };
     PlanPicture {
         title,
         keep_out: keep_out.unwrap_or_default(),
@@ -243,8 +255,7 @@ pub fn plan_picture<'a>(title: &'a str, planned: &'a Planned, layer: u32) -> Pla
         axis,
         passes,
         travel,
-        unreachable: planned
-            .unreachable
+        unreachable: unreachable
             .iter()
             .map(|run| vec![run.from, run.to])
             .collect(),

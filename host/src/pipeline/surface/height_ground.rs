@@ -23,9 +23,11 @@ const SAMPLE_MM: f64 = 0.25;
 const SAMPLES_MAX: f64 = 256.0;
 /// Step along the outline at which the surface is looked for, mm.
 const LOOK_MM: f64 = 0.5;
-/// Least step between the vertices that are flattened, mm, and about how many there are over the box.
+/// Least step between the vertices that are flattened, mm, and about how many there are over the box: of a surface, and of a
+/// curved layer, which bends within a millimetre at rounded folds and whose chart would shear the nozzle by some per cent there.
 const VERTEX_MM: f64 = 0.4;
 const VERTICES: f64 = 2500.0;
+const VERTICES_OF_LAYER: f64 = 10_000.0;
 /// How far the chart's ground may be off the smooth heights, of the layer height.
 const CHART_SHARE: f64 = 0.01;
 /// Times that the margin is doubled where the outline's pieces lie apart.
@@ -46,6 +48,8 @@ struct Site {
     /// Beyond the outline so much must be smooth: what a nozzle reaches.
     smooth_mm: f64,
     step_mm: f64,
+    /// About how many vertices are flattened.
+    vertices: f64,
 }
 
 impl HeightGround {
@@ -66,7 +70,7 @@ impl HeightGround {
             }
         }
         let walls = walls_of(edges);
-        HeightGround::charted(&walls, settings, |site, margin_mm| {
+        HeightGround::charted(&walls, VERTICES, settings, |site, margin_mm| {
             site.fitted(map, margin_mm, settings)
         })
     }
@@ -81,11 +85,14 @@ impl HeightGround {
         settings: &Settings,
     ) -> Result<HeightGround, SurfaceError> {
         let walls = walls_of(regions.iter().flat_map(Region::edges).collect());
-        HeightGround::charted(&walls, settings, |site, _| Ok(heights(site.bounds)))
+        HeightGround::charted(&walls, VERTICES_OF_LAYER, settings, |site, _| {
+            Ok(heights(site.bounds))
+        })
     }
 
     fn charted(
         walls: &EdgeIndex,
+        vertices: f64,
         settings: &Settings,
         fitted: impl Fn(&Site, f64) -> Result<FittedSurface, SurfaceError>,
     ) -> Result<HeightGround, SurfaceError> {
@@ -100,6 +107,7 @@ impl HeightGround {
                 step_mm: (size.x.max(size.y) / SAMPLES_MAX).max(SAMPLE_MM),
                 bounds,
                 smooth_mm,
+                vertices,
                 walls: walls.clone(),
             };
             let fitted = fitted(&site, margin_mm)?;
@@ -194,7 +202,7 @@ impl Site {
         settings: &Settings,
     ) -> Result<PatchChart, FlattenError> {
         let size = self.bounds.size();
-        let pitch_mm = (size.x * size.y / VERTICES).sqrt().max(VERTEX_MM);
+        let pitch_mm = (size.x * size.y / self.vertices).sqrt().max(VERTEX_MM);
         let sheet = self.sheet(heights, pitch_mm, margin_mm);
         // Conformal where beads lie: on the middle one of the layers' tops.
         let above_mm = super::middle_mm(settings);

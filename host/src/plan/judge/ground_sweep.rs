@@ -34,6 +34,8 @@ const CELL: f64 = 0.02;
 const CELLS_MAX: f64 = 3e6;
 /// A point this far off a pose's plane, of a layer's height, is on another sheet of the surface.
 const SHEET: f64 = 2.0;
+/// How much farther than in its tangent plane the aperture may reach in the chart, of its reach.
+const REACH: f64 = 1.1;
 /// Points of the outline at which its depth outside is measured, and the number of poses checked in this
 /// detail.
 const OUTLINE: usize = 96;
@@ -353,26 +355,37 @@ impl LayerJob<'_> {
         let aperture = &self.settings.aperture;
         let return_mm = return_mm(aperture);
         let sheet_mm = SHEET * self.settings.layer_height_mm;
+        // How far the aperture reaches along tool X and Y, with what the chart may be off its tangent plane.
+        let spare_mm = (REACH - 1.0) * aperture.reach_mm();
+        let sides_mm = [Vector2::x(), Vector2::y()]
+            .map(|axis| [-axis, axis].map(|to| spare_mm + aperture.support_mm(0.0, to)));
         let mut visits = vec![NO_VISIT; cells.len()];
         for pose in poses {
             let SweptPose { at, pass, path_mm } = pose.at;
-            let least = self
-                .ground
-                .chart
-                .frame(at.center, self.above_mm)
-                .stretches()[1];
-            let reach_mm = 1.1 * aperture.reach_mm() / least.max(0.1);
+            let frame = self.ground.chart.frame(at.center, self.above_mm);
+            let reach_mm = REACH * aperture.reach_mm() / frame.stretches()[1].max(0.1);
+            // Tool X and Y for a step along each of the chart's axes.
+            let axes = pose.axes;
+            let per_step = axes.map(|axis| frame.along.map(|step| axis.dot(&step)));
             let window = |middle: f64, count: usize| {
                 let [low, high] = [-reach_mm, reach_mm].map(|by| (middle + by) / raster.cell_mm);
                 low.max(0.0) as usize..(high.max(0.0) as usize + 1).min(count)
             };
             let middle = at.center - raster.origin;
+            let columns = window(middle.x, raster.columns);
             for row in window(middle.y, raster.rows) {
-                for column in window(middle.x, raster.columns) {
+                let up_mm = (row as f64 + 0.5) * raster.cell_mm - middle.y;
+                let mut range = [-reach_mm, reach_mm];
+                for ([by_u, by_v], sides_mm) in per_step.iter().zip(sides_mm) {
+                    range = within(range, [*by_u, by_v * up_mm], sides_mm);
+                }
+                let [low, high] = range.map(|by_mm| (middle.x + by_mm) / raster.cell_mm);
+                let [from, end] = [low - 1.0, high + 1.0].map(|at| at.max(0.0) as usize);
+                for column in columns.start.max(from)..columns.end.min(end) {
                     let number = row * raster.columns + column;
                     let off = cells[number].at_mm - pose.tip_mm;
                     let [x, y] = pose.axes.map(|axis| axis.dot(&off));
-                    let is_in = aperture.contains(0.0, Vector2::new(x, y));
+                    let is_in = aperture.contains_in_tool(Vector2::new(x, y));
                     if !is_in || off.dot(&pose.normal).abs() > sheet_mm {
                         continue;
                     }
@@ -430,6 +443,15 @@ impl LayerJob<'_> {
             false => deepest,
         })
     }
+}
+
+/// Of the steps in a range those that, times a slope plus an offset, are within the sides.
+fn within([low, high]: [f64; 2], [slope, offset]: [f64; 2], [below, over]: [f64; 2]) -> [f64; 2] {
+    if slope.abs() < f64::EPSILON {
+        return [low, high];
+    }
+    let [p, q] = [-below, over].map(|side| (side - offset) / slope);
+    [low.max(p.min(q)), high.min(p.max(q))]
 }
 
 /// Heading of a direction of space in the chart.

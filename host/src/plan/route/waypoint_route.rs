@@ -81,7 +81,7 @@ pub fn waypoint_route(
 
 /// The route along moves that already have flow and events: adds the moves to the first and from the
 /// last of them, above `top_mm` if the head comes from above. `curves` replace those of all moves with
-/// motion, in order.
+/// motion, in order. The way back belongs to the last layer, so that layers only rise.
 pub fn complete_route(
     moves: &[RouteMove],
     curves: Vec<PathCurve>,
@@ -89,7 +89,8 @@ pub fn complete_route(
     start: Point,
     settings: &Settings,
 ) -> Route {
-    along(
+    let mut printed = 0;
+    let mut route = along(
         vec![curves],
         &[],
         start,
@@ -115,8 +116,14 @@ pub fn complete_route(
                     ..route_move.clone()
                 });
             }
+            printed = route.moves.len();
         },
-    )
+    );
+    let last_layer = moves.iter().map(|route_move| route_move.layer).max();
+    for back in route.moves.iter_mut().skip(printed) {
+        back.layer = last_layer.unwrap_or_default();
+    }
+    route
 }
 
 /// True where a move is no dwell.

@@ -116,6 +116,7 @@ pub fn json(report: &Report) -> String {
         let outline = outlines.number(more.outline);
         layer(&more.label, more.layer, &more.motion, outline)
     }));
+    layers.sort_by_key(|layer| layer.number);
     let first = report.layers.first();
     let rings = |regions: &[Region]| -> Vec<Vec<f64>> {
         let rings = regions.iter().flat_map(Region::rings);

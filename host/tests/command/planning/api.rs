@@ -184,6 +184,53 @@ fn options_of_another_kind_are_refused() {
     assert!(text.contains("--copy-gap goes with --copies"), "{text}");
 }
 
+/// A mesh in curved layers: the command's job byte for byte, with layers that follow its top.
+#[test]
+fn a_part_in_curved_layers_is_planned() {
+    let folder = tempfile::tempdir().unwrap();
+    let gantry = format!("{EXAMPLES}/machines/gantry.toml");
+    let machine = Machine::from_toml(&std::fs::read_to_string(&gantry).unwrap()).unwrap();
+    let mut reading = Reading::default();
+    reading.scale = 0.3;
+    let bytes = std::fs::read(format!("{EXAMPLES}/cap.stl")).unwrap();
+    let part = Part::from_bytes("cap", "stl", &bytes, &reading).unwrap();
+    let mut options = Options::default();
+    options.curved_layers = Some(CurvedLayers::Skin(2));
+    options.quality = Some(Quality::Fast);
+    let job = plan(&part, &machine, &options).unwrap();
+    let figures: serde_json::Value = serde_json::from_str(&job.figures_json()).unwrap();
+    let curved = &figures["curved_layers"];
+    assert_eq!(curved["curved_layers"], 2, "{curved}");
+    let number = |key: &str| curved[key].as_f64().unwrap();
+    let stairs_mm3 = number("stair_error_mm3");
+    // The rounded foot is larger in a smaller part.
+    assert!(
+        stairs_mm3 < 0.6 * number("stair_error_flat_mm3"),
+        "{curved}"
+    );
+    assert!(job.figure("covered_pct").unwrap() > 97.0, "{figures}");
+    let output = folder.path().join("cap.hwj");
+    let output = output.to_str().unwrap();
+    let cap = format!("{EXAMPLES}/cap.stl");
+    let words = [
+        "plan",
+        &cap,
+        "--scale",
+        "0.3",
+        "--curved-layers",
+        "skin:2",
+        "--quality",
+        "fast",
+        "-m",
+        &gantry,
+        "-o",
+        output,
+    ];
+    let planned = headway(&words);
+    assert!(planned.status.success(), "{}", stderr(&planned));
+    assert!(job.bytes() == std::fs::read(output).unwrap());
+}
+
 /// Poses against figures and table: the volume is the flow's integral, the width between the
 /// aperture's two, rows as many as the table's.
 #[test]

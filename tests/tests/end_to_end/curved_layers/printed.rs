@@ -6,7 +6,10 @@ use super::stairs::machine;
 use headway::Plan;
 use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
+use headway::input::Target;
 use headway::job::MotionState;
+use headway::pipeline::page::pictures::report_files;
+use headway::pipeline::planned::Planned;
 use headway::pipeline::surface::curved_layers::{CurvedLayers, plan_curved_layers};
 use headway::settings::{Infill, Settings};
 use headway_tests::curved_parts::{CurvedPart, dome};
@@ -139,9 +142,27 @@ fn printed(settings: &Settings, asked: CurvedLayers) -> Plan {
 
 #[test]
 fn a_skin_is_printed_on_the_gantry() {
-    let plan = printed(&machine("gantry"), CurvedLayers::Skin(2));
-    let curved = plan.curved_layers.unwrap();
+    let settings = machine("gantry");
+    let plan = printed(&settings, CurvedLayers::Skin(2));
+    let curved = plan.curved_layers.as_ref().unwrap();
     assert_eq!(curved.layers[1], 2);
+    // Layers follow each other, the way back included, and the report draws the first and the last.
+    let layers = curved.layers[0] + curved.layers[1];
+    let marks = &plan.stream.marks;
+    assert!(marks.is_sorted_by_key(|mark| mark.layer));
+    assert_eq!(plan.stream.layers(), layers);
+    let target = Target {
+        name: "dome".to_string(),
+        regions: Vec::new(),
+    };
+    let planned = Planned::of_plan(plan, 0.0, target, Vec::new(), settings);
+    let files = report_files(&planned);
+    let last = format!("plan-layer-{layers}.svg");
+    for name in ["plan.svg", &last] {
+        let file = files.iter().find(|file| file.name == name);
+        let text = &file.unwrap_or_else(|| panic!("no {name}")).text;
+        assert!(text.contains("nozzle 1.2 x 0.4 mm"), "{name}");
+    }
 }
 
 #[test]
