@@ -15,14 +15,14 @@ use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
 use crate::pipeline::open_ground;
+use crate::pipeline::part_body::PartBody;
 pub use crate::pipeline::piece::PLACES_MAX;
 use crate::pipeline::piece::{Piece, PieceCache, key_of};
+use crate::pipeline::roofs::Roofs;
 use crate::pipeline::stack::{Stack, plan_stack};
 use crate::plan::judge::figures::Swept;
-use crate::plan::layers::bridge_ground::{Bridge, bridges};
-use crate::plan::layers::hollow::{Hollow, shell_layers};
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
-use crate::plan::layers::shells::{Overhang, overhangs, solid_ground};
+use crate::plan::layers::shells::{Overhang, overhangs};
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
@@ -58,6 +58,8 @@ pub struct PartPlan {
     pub segments: u64,
     /// Overhangs, by layer of the complete part.
     pub overhangs: Vec<Overhang>,
+    /// Bridges that span much.
+    pub roofs: Roofs,
     /// Uncovered area without tiny parts, over all layers.
     pub open_mm2: f64,
 }
@@ -121,9 +123,11 @@ pub fn plan_part_in_pieces(
         return Err(PlanError::FirstLayerWinds);
     }
     let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
+    let body = PartBody::new(&outlines, &part.wanted, settings);
     let mut planned = PartPlan {
         transform: place(part, settings)?,
-        overhangs: hanging(&outlines, &part.wanted, settings),
+        overhangs: hanging(&outlines, &body, &part.wanted, settings),
+        roofs: body.roofs.clone(),
         ..PartPlan::default()
     };
     let keep_out = &with_shadows(keep_out, &planned.transform, settings);
@@ -135,13 +139,7 @@ pub fn plan_part_in_pieces(
         context.progress.layers(layers, wanted.len());
         let is_first = lowest.number == wanted[0].number;
         let own = settings_of(lowest, first, settings);
-        let solid = |layer: u32| solid_of(&outlines, layer, settings);
-        let bridges = |layer: u32| bridges_of(&outlines, layer, settings);
-        let ground = LayerGround {
-            solid: &solid,
-            bridges: &bridges,
-        };
-        let (stack, used) = gather(rest, ground, keep_out, &own, planned.transform, at);
+        let (stack, used) = gather(rest, &body, keep_out, &own, planned.transform, at);
         rest = &rest[used..];
         let stack = Stack {
             skirt_around: Some(lowest.regions.as_slice())
@@ -224,57 +222,19 @@ fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanEr
     )?)
 }
 
-/// What of a layer is filled whatever the density.
-fn solid_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Region> {
-    match &settings.infill {
-        Some(infill) if !infill.is_solid() => {
-            solid_ground(outlines, layer as usize, shell_layers(infill))
-        }
-        _ => Vec::new(),
-    }
-}
-
-/// What of a layer is bridged, where there are lines to do it with.
-fn bridges_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Bridge> {
-    let below = (layer as usize).checked_sub(1);
-    match (below, &settings.infill) {
-        (Some(below), Some(_)) => {
-            let (own, reach_mm) = (layer as usize, settings.aperture.major_mm());
-            match Hollow::of(outlines, settings) {
-                Some(hollow) => hollow
-                    .pair(own)
-                    .map_or(Vec::new(), |[own, below]| bridges(&own, &below, reach_mm)),
-                None => bridges(outlines[own], outlines[below], reach_mm),
-            }
-        }
-        _ => Vec::new(),
-    }
-}
-
 /// What hangs on each of the wanted layers: over nothing, and not bridged.
-fn hanging(outlines: &[&[Region]], wanted: &Range<u32>, settings: &Settings) -> Vec<Overhang> {
+fn hanging(
+    outlines: &[&[Region]],
+    body: &PartBody,
+    wanted: &Range<u32>,
+    settings: &Settings,
+) -> Vec<Overhang> {
     let reach_mm = settings.aperture.major_mm();
-    let is_wanted = |layer: usize| wanted.contains(&(layer as u32));
-    let bridged = |layer: usize| match is_wanted(layer) {
-        true => {
-            let bridges = bridges_of(outlines, layer as u32, settings);
-            bridges.into_iter().flat_map(|b| b.ground).collect()
-        }
+    let unheld = |layer: usize| match wanted.contains(&(layer as u32)) {
+        true => body.unheld(layer),
         false => Vec::new(),
     };
-    let hollow = Hollow::of(outlines, settings);
-    let unheld = |layer: usize| match hollow {
-        Some(hollow) if is_wanted(layer) => hollow.unheld(layer, reach_mm),
-        _ => Vec::new(),
-    };
-    overhangs(outlines, unheld, bridged, reach_mm)
-}
-
-/// What the lines inside a layer's walls have to heed, by the layer's number.
-#[derive(Clone, Copy)]
-struct LayerGround<'a> {
-    solid: &'a dyn Fn(u32) -> Vec<Region>,
-    bridges: &'a dyn Fn(u32) -> Vec<Bridge>,
+    overhangs(outlines, unheld, |layer| body.bridged(layer), reach_mm)
 }
 
 /// The settings of a layer's piece.
@@ -293,7 +253,7 @@ fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> S
 /// The next layers of the same settings, as many as are planned at a time, and how many they are.
 fn gather<'a>(
     layers: &'a [TargetLayer],
-    ground: LayerGround,
+    body: &PartBody,
     keep_out: &'a [Region],
     settings: &Settings,
     transform: PartTransform,
@@ -345,13 +305,10 @@ fn gather<'a>(
         });
         let area = |regions: &[Region]| regions.iter().map(Region::area_mm2).sum::<f64>();
         stack.kept_out_mm2 += area(own) - area(&stack.outlines[outline]);
-        let infill = settings.infill.as_ref();
         let kind = LayerKind {
             outline,
-            // Between the solid areas the only solid layers are those of the shells.
-            infill: infill.map(|infill| infill.inside(layer.number)),
-            solid: (ground.solid)(layer.number),
-            bridges: (ground.bridges)(layer.number),
+            inside: body.inside(layer.number),
+            objects: Vec::new(),
         };
         let known_kind = stack.kinds.iter().position(|known| *known == kind);
         let kind_number = known_kind.unwrap_or(stack.kinds.len());

@@ -280,6 +280,7 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
             plan.motion.doubled_moves
         ));
     }
+    warnings.extend(plan.roofs.notes(settings));
     warnings.extend(short_layers_note(plan.slowed, settings));
     warnings.extend(run_notes(plan, settings));
     warnings

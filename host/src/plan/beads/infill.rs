@@ -103,6 +103,25 @@ fn loops_of(region: &Region, settings: &PassSettings) -> Vec<LayerPass> {
 struct Lines<'a> {
     aperture: &'a Aperture,
     /// Unit vectors along the lines and across them, to the left.
+/// Parallel lines over the lines of a sparse infill, all in the direction `angle_rad`, and the loops of areas with too
+/// little room for them.
+pub fn roof_lines(
+    regions: &[Region],
+    angle_rad: f64,
+    settings: &PassSettings,
+) -> (Vec<LayerPass>, Vec<LayerPass>) {
+    let infill = Infill {
+        angle_rad,
+        ..Infill::solid(0)
+    };
+    let passes = infill_passes(regions, &infill, settings).into_iter();
+    let (mut lines, loops): (Vec<LayerPass>, _) = passes.partition(|pass| pass.kind.is_line());
+    for line in &mut lines {
+        line.kind = PassKind::Roof;
+    }
+    (lines, loops)
+}
+
     along: Vector2,
     across: Vector2,
     /// How far the flanks may reach into the walls, against a.
