@@ -47,6 +47,11 @@ pub struct WideSpan {
     pub is_roof: bool,
 }
 
+/// The density, per cent, of lines so many beads apart, and the other way round.
+fn pct_or_pitch(pitch_or_pct: f64) -> f64 {
+    100.0 / pitch_or_pct
+}
+
 /// The solid layers that close a part.
 pub fn shell_layers(infill: &Infill) -> ShellLayers {
     ShellLayers {
@@ -112,7 +117,10 @@ pub fn denser(outlines: &[&[Region]], settings: &Settings) -> Option<(f64, WideS
     let wide: Vec<WideSpan> = wide.filter(|span| span.is_roof).collect();
     let longest = wide.into_iter();
     let longest = longest.reduce(|p, q| if q.span_mm > p.span_mm { q } else { p })?;
-    Some((100.0 * hollow.bead_mm / (most_mm + hollow.bead_mm), longest))
+    Some((
+        pct_or_pitch((most_mm + hollow.bead_mm) / hollow.bead_mm),
+        longest,
+    ))
 }
 
 impl<'a> Hollow<'a> {
@@ -120,7 +128,7 @@ impl<'a> Hollow<'a> {
     pub fn of(outlines: &'a [&'a [Region]], settings: &Settings) -> Option<Hollow<'a>> {
         let infill = settings.infill?;
         let bead_mm = 2.0 * settings.aperture.major_mm();
-        let is_hollow = infill.density_pct * PITCH_BEADS_MAX < 100.0;
+        let is_hollow = pct_or_pitch(infill.density_pct) > PITCH_BEADS_MAX;
         is_hollow.then_some(Hollow {
             outlines,
             infill,
@@ -135,7 +143,7 @@ impl<'a> Hollow<'a> {
     /// Between the beads of the infill; `None` without any.
     fn gap_mm(&self) -> Option<f64> {
         let pct = self.infill.density_pct;
-        (pct > 0.0).then(|| self.bead_mm * (100.0 / pct - 1.0))
+        (pct > 0.0).then(|| self.bead_mm * (pct_or_pitch(pct) - 1.0))
     }
 
     /// The gap, where a bridge may be so long.

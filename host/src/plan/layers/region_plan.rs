@@ -11,7 +11,7 @@ use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::place_scale::ScaleField;
-use crate::geometry::polygon::{Box2, Region, Ring};
+use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::repair::FillRule;
 use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::axis::pruned_axis::Axis;
@@ -21,6 +21,7 @@ use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::curve::heading_stops::PassCutter;
 use crate::plan::headings::profile::turn_weight_mm4;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
+use crate::plan::layers::bridge_ground::is_wide;
 use crate::plan::layers::inside::Inside;
 use crate::plan::layers::optimised_passes::{PassCurve, optimised};
 use crate::plan::outline::contour::Contour;
@@ -267,27 +268,22 @@ impl RegionWork {
                     outer_passes(&self.hull, &self.walls, &self.axis, &how, walls);
                 work.open = filled(rings.iter(), FillRule::Positive);
                 let mut rest = work.open.clone();
-                let (mut bridged, mut roofed) = (Vec::new(), Vec::new());
+                let mut over: [Vec<Region>; 2] = Default::default();
                 for bridge in bridges {
                     let ground = self.bridged(&bridge.ground, &rest);
                     let angle_rad = self.frame.angle_in(bridge.angle_rad);
-                    if bridge.over_lines {
-                        let (roofs, loops) = roof_lines(&ground, angle_rad, &how);
-                        work.bridges.extend(roofs);
-                        passes.extend(loops);
-                    } else {
-                        work.bridges.extend(bridge_lines(&ground, angle_rad, &how));
-                    }
+                    let (lines, loops) = match bridge.over_lines {
+                        true => roof_lines(&ground, angle_rad, &how),
+                        false => (bridge_lines(&ground, angle_rad, &how), Vec::new()),
+                    };
+                    work.bridges.extend(lines);
+                    passes.extend(loops);
                     if !ground.is_empty() {
                         rest = difference(&rest, &ground);
                     }
-                    let all = if bridge.over_lines {
-                        &mut roofed
-                    } else {
-                        &mut bridged
-                    };
-                    all.extend(ground);
+                    over[usize::from(bridge.over_lines)].extend(ground);
                 }
+                let [bridged, roofed] = over;
                 let [solid, sparse] = self.divided(&rest, infill, solid);
                 let filled = Infill {
                     density_pct: infill.density_pct.max(100.0),
@@ -480,12 +476,6 @@ impl RegionWork {
         let best = tried.into_iter().min_by_key(|(key, _)| *key);
         best.map_or(Vec::new(), |(_, passes)| passes)
     }
-}
-
-/// Twice the area over the perimeter is the width of a strip.
-fn is_wide(region: &Region, width_mm: f64) -> bool {
-    let perimeter_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();
-    2.0 * region.area_mm2() >= width_mm * perimeter_mm
 }
 
 /// Most placements of a region that is ordered from several corners, of about 60 mm of path: where it begins counts on
