@@ -33,6 +33,7 @@ pub mod roofs;
 pub mod stack;
 pub mod stacked_ground;
 pub mod surface;
+pub mod two_bead_walls;
 mod waypoints;
 
 pub use error::PlanError;

@@ -161,6 +161,7 @@ fn warnings(part: &SlicedPart, planned: &PartPlan, settings: &Settings) -> Vec<S
     let (open, all_mm2) = (&planned.printed.open, planned.open_mm2);
     warnings.extend(open_ground::note(open, all_mm2, top_mm, settings));
     warnings.extend(planned.roofs.notes(settings));
+    warnings.extend(planned.printed.two_bead_walls.note(settings));
     warnings.extend(short_layers_note(planned.printed.slowed, settings));
     warnings.extend(settings_warnings(settings));
     warnings

@@ -1,5 +1,6 @@
 //! Layers: covered, filled, bridged, stacked, kept out of.
 
+mod bead_wide_walls;
 mod bridges;
 mod infill;
 mod keep_out;
