@@ -3,6 +3,7 @@
 use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
+use super::object_settings::{ObjectInfill, PartObject};
 use super::orient::{Reoriented, orient};
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
 use crate::text::short_number::Short;
@@ -64,6 +65,8 @@ pub(super) struct RawMesh {
     pub groups: Vec<(String, std::ops::Range<usize>)>,
     /// Colours of the mesh's vertices, if it has any.
     pub colours: Vec<[u8; 3]>,
+    /// Objects with settings of their own: the corners of their boxes in the file, and these.
+    pub objects: Vec<(Option<String>, Vec<Point3>, ObjectInfill)>,
 }
 
 /// Which triangles of a surface are meant.
@@ -89,6 +92,8 @@ pub struct LoadedMesh {
     pub mesh: Mesh,
     /// What a project cuts something away from.
     pub carved: Vec<Carved>,
+    /// Objects with settings of their own.
+    pub objects: Vec<PartObject>,
     /// One line for each repair.
     pub notes: Vec<String>,
 }
@@ -117,6 +122,7 @@ pub fn read(
         carved,
         name: own_name,
         notes,
+        objects,
         ..
     } = raw;
     let mut closing = Closing {
@@ -135,6 +141,7 @@ pub fn read(
                 })
             })
             .collect::<Result<_, MeshError>>()?,
+        objects: objects.into_iter().map(object_of).collect(),
         notes: Vec::new(),
     };
     if loaded.solids().all(|mesh| mesh.triangles.is_empty()) {
@@ -143,6 +150,19 @@ pub fn read(
     let mut notes = closing.told();
     notes.extend(unit_note(&loaded).filter(|_| is_without_unit));
     Ok(LoadedMesh { notes, ..loaded })
+}
+
+/// An object from the corners of its box.
+fn object_of((name, corners, infill): (Option<String>, Vec<Point3>, ObjectInfill)) -> PartObject {
+    let corners = Mesh {
+        vertices: corners,
+        triangles: Vec::new(),
+    };
+    PartObject {
+        name,
+        bounds_mm: corners.bounds_mm(),
+        infill,
+    }
 }
 
 /// Volumes below which coordinates are more likely inches, and metres, than mm: the threshold of
@@ -300,6 +320,10 @@ fn read_raw(bytes: &[u8], format: MeshFormat, options: &MeshOptions) -> Result<R
     }
     if triangles == 0 {
         return Err(MeshError::Empty);
+    }
+    for corner in raw.objects.iter_mut().flat_map(|(_, corners, _)| corners) {
+        let p = Point3::from(corner.coords * factor);
+        *corner = turn.iter().fold(p, |p, turn| turn(p));
     }
     check_size(raw.solids())?;
     Ok(raw)

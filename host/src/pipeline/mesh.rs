@@ -15,7 +15,7 @@ use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
 use crate::pipeline::open_ground;
-use crate::pipeline::part_body::PartBody;
+use crate::pipeline::part_body::{PartBodies, Share, shares};
 pub use crate::pipeline::piece::PLACES_MAX;
 use crate::pipeline::piece::{Piece, PieceCache, key_of};
 use crate::pipeline::roofs::Roofs;
@@ -60,6 +60,8 @@ pub struct PartPlan {
     pub overhangs: Vec<Overhang>,
     /// Bridges that span much.
     pub roofs: Roofs,
+    /// Objects whose settings cannot be followed.
+    pub unfollowed: Option<String>,
     /// Uncovered area without tiny parts, over all layers.
     pub open_mm2: f64,
 }
@@ -123,11 +125,17 @@ pub fn plan_part_in_pieces(
         return Err(PlanError::FirstLayerWinds);
     }
     let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
-    let body = PartBody::new(&outlines, &part.wanted, settings);
+    let (shares, unfollowed) = shares(part, settings);
+    let shares: Vec<(&Share, Vec<&[Region]>)> = shares
+        .iter()
+        .map(|share| (share, share.outlines()))
+        .collect();
+    let bodies = PartBodies::new(&outlines, &shares, &part.wanted, settings);
     let mut planned = PartPlan {
         transform: place(part, settings)?,
-        overhangs: hanging(&outlines, &body, &part.wanted, settings),
-        roofs: body.roofs.clone(),
+        overhangs: hanging(&outlines, &bodies, &part.wanted, settings),
+        roofs: bodies.roofs(),
+        unfollowed,
         ..PartPlan::default()
     };
     let keep_out = &with_shadows(keep_out, &planned.transform, settings);
@@ -139,7 +147,7 @@ pub fn plan_part_in_pieces(
         context.progress.layers(layers, wanted.len());
         let is_first = lowest.number == wanted[0].number;
         let own = settings_of(lowest, first, settings);
-        let (stack, used) = gather(rest, &body, keep_out, &own, planned.transform, at);
+        let (stack, used) = gather(rest, &bodies, keep_out, &own, planned.transform, at);
         rest = &rest[used..];
         let stack = Stack {
             skirt_around: Some(lowest.regions.as_slice())
@@ -225,16 +233,16 @@ fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanEr
 /// What hangs on each of the wanted layers: over nothing, and not bridged.
 fn hanging(
     outlines: &[&[Region]],
-    body: &PartBody,
+    bodies: &PartBodies,
     wanted: &Range<u32>,
     settings: &Settings,
 ) -> Vec<Overhang> {
     let reach_mm = settings.aperture.major_mm();
     let unheld = |layer: usize| match wanted.contains(&(layer as u32)) {
-        true => body.unheld(layer),
+        true => bodies.unheld(layer),
         false => Vec::new(),
     };
-    overhangs(outlines, unheld, |layer| body.bridged(layer), reach_mm)
+    overhangs(outlines, unheld, |layer| bodies.bridged(layer), reach_mm)
 }
 
 /// The settings of a layer's piece.
@@ -253,7 +261,7 @@ fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> S
 /// The next layers of the same settings, as many as are planned at a time, and how many they are.
 fn gather<'a>(
     layers: &'a [TargetLayer],
-    body: &PartBody,
+    bodies: &PartBodies,
     keep_out: &'a [Region],
     settings: &Settings,
     transform: PartTransform,
@@ -305,10 +313,11 @@ fn gather<'a>(
         });
         let area = |regions: &[Region]| regions.iter().map(Region::area_mm2).sum::<f64>();
         stack.kept_out_mm2 += area(own) - area(&stack.outlines[outline]);
+        let (inside, objects) = bodies.inside(layer.number);
         let kind = LayerKind {
             outline,
-            inside: body.inside(layer.number),
-            objects: Vec::new(),
+            inside,
+            objects,
         };
         let known_kind = stack.kinds.iter().position(|known| *known == kind);
         let kind_number = known_kind.unwrap_or(stack.kinds.len());

@@ -7,10 +7,12 @@
 //! Slicers store objects in separate model files next to the one with the build: a component names the
 //! file; otherwise an object that is missing in its own model is searched for in the others. Volumes that
 //! are not material (modifiers, support blockers and enforcers) are omitted, negative ones are subtracted
-//! from their object. Other settings of a project are not applied, and reported. Not covered: colours,
+//! from their object. Walls, density and solid layers of objects are followed; other settings of a project are not
+//! applied, and reported. Not covered: colours,
 //! materials and textures.
 
 mod model;
+mod own_settings;
 mod package;
 mod roles;
 #[cfg(test)]
@@ -21,9 +23,10 @@ mod xml;
 use super::read::{RawMesh, TRIANGLES_MAX, syntax};
 use super::{Mesh, MeshError, Point3};
 use model::{Item, Model, Object, Transform, UNMOVED};
+use own_settings::PlacedObject;
 use package::{Files, files};
 use roles::{Role, Roles};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use unfollowed::Aside;
 
 const FORMAT: &str = "3MF";
@@ -61,9 +64,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     placing.only_counts = false;
     placing.placed.clear();
     let (mut mesh, mut carved) = (Mesh::default(), Vec::new());
+    let mut placed = Vec::new();
     for item in &items {
         placing.add(item, root, &Place::of(item))?;
         let Body { solid, cut } = std::mem::take(&mut placing.item);
+        if !solid.triangles.is_empty() {
+            let object = placing.object(item, root).map(|(object, _)| object);
+            placed.push(PlacedObject::new(item.object, object, roles, &solid));
+        }
         match cut.triangles.is_empty() || solid.triangles.is_empty() {
             true => mesh.append(&solid),
             false => carved.push((solid, cut)),
@@ -78,11 +86,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     }
     placing.aside.switched_off = root.items.len() - items.len();
     let objects = placing.placed_objects();
+    let (followed, entangled) = own_settings::followed(placed);
+    let ids: BTreeSet<usize> = followed.iter().map(|object| object.id).collect();
+    notes.extend(entangled);
     notes.extend(unfollowed::notes(
         unfollowed,
         &placing.aside,
         roles,
-        &objects,
+        (&objects, &ids),
     ));
     let named = root.objects.iter().find_map(|o| o.name.clone());
     Ok(RawMesh {
@@ -91,6 +102,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
         name: named.filter(|_| items.len() == 1),
         unit_mm: root.unit_mm,
         notes,
+        objects: followed.into_iter().map(PlacedObject::told).collect(),
         ..RawMesh::default()
     })
 }

@@ -3,7 +3,7 @@
 //! In: lengths and areas of the layers around it (mm, input coordinates). Out: [`Inside`], for the regions of a layer or
 //! for those of an object on it. Why here: layers are gathered by it, and each region is filled by it.
 
-use crate::geometry::polygon::Region;
+use crate::geometry::polygon::{Box2, Region};
 use crate::plan::layers::bridge_ground::Bridge;
 use crate::settings::Infill;
 
@@ -16,4 +16,10 @@ pub struct Inside {
     pub solid: Vec<Region>,
     /// What spans open space, input coordinates.
     pub bridges: Vec<Bridge>,
+}
+
+/// True if the middle of a box is in another.
+pub fn has_middle(around: Box2, of: Box2) -> bool {
+    let middle = nalgebra::center(&of.min, &of.max);
+    (0..2).all(|axis| (around.min[axis]..=around.max[axis]).contains(&middle[axis]))
 }

@@ -22,7 +22,7 @@ use crate::plan::curve::pushing_inside::InsideWalls;
 use crate::plan::joining::order::region_order;
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::bridge_ground::Bridge;
-use crate::plan::layers::inside::Inside;
+use crate::plan::layers::inside::{Inside, has_middle};
 use crate::plan::layers::optimised_passes::PassCurve;
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Reversal};
 use crate::plan::layers::skirt::SkirtPlan;
@@ -112,12 +112,8 @@ pub struct LayerKind {
 impl LayerKind {
     /// What is inside the walls of a region with this box.
     fn inside_of(&self, bounds: Box2) -> &Inside {
-        let middle = nalgebra::center(&bounds.min, &bounds.max);
         let mut objects = self.objects.iter();
-        let own = objects.find(|(bounds, _)| {
-            let is_in = |at: Point2| at.x >= bounds.min.x && at.x <= bounds.max.x;
-            is_in(middle) && middle.y >= bounds.min.y && middle.y <= bounds.max.y
-        });
+        let own = objects.find(|(around, _)| has_middle(*around, bounds));
         own.map_or(&self.inside, |(_, inside)| inside)
     }
 
