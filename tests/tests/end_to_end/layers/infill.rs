@@ -310,9 +310,9 @@ fn each_object_is_filled_as_it_asks() {
     for (laid_mm3, (walls, density_pct)) in
         laid_mm3
             .into_iter()
-            .zip([(1.0, 20.0), (3.0, 0.0), (1.0, 60.0)])
+            .zip([(1.0f64, 20.0), (3.0, 0.0), (1.0, 60.0)])
     {
-        let inner_mm2 = (12.0 - 2.4 * walls as f64).powi(2);
+        let inner_mm2 = (12.0 - 2.4 * walls).powi(2);
         let asked_mm3 = 0.2 * (144.0 - inner_mm2 + 0.01 * density_pct * inner_mm2);
         println!("{walls} walls, {density_pct} %: {laid_mm3:.2} of {asked_mm3:.2} mm³");
         assert!(
