@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         walls: Optional[int]
         infill_density_pct: Optional[float]
         infill_spacing_mm: Optional[float]
+        bridge_max_mm: Optional[float]
         infill_angle_deg: Optional[float]
         bottom_layers: Optional[int]
         top_layers: Optional[int]
@@ -315,6 +316,7 @@ def plan(
     walls: Optional[int] = None,
     infill_density_pct: Optional[float] = None,
     infill_spacing_mm: Optional[float] = None,
+    bridge_max_mm: Optional[float] = None,
     infill_angle_deg: Optional[float] = None,
     bottom_layers: Optional[int] = None,
     top_layers: Optional[int] = None,

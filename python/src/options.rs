@@ -68,6 +68,7 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
             "overlap_pct" => o.overlap_pct = Some(number(&key, &value)?),
             "walls" => o.walls = Some(count(&key, &value)?),
             "infill_density_pct" => o.infill_density_pct = Some(number(&key, &value)?),
+            "bridge_max_mm" => o.bridge_max_mm = Some(number(&key, &value)?),
             "infill_spacing_mm" => o.infill_spacing_mm = Some(number(&key, &value)?),
             "infill_angle_deg" => o.infill_angle_rad = Some(number(&key, &value)?.to_radians()),
             "bottom_layers" => o.bottom_layers = Some(count(&key, &value)?),

@@ -282,6 +282,7 @@ fn planned_mesh(
     let mut sliced = sliced.map_err(part_error)?;
     let layers = sliced.layers.iter_mut().map(|layer| &mut layer.regions);
     let told = copied(&mut layers.collect::<Vec<_>>(), options, &settings)?;
+    sliced.take_objects(&loaded.objects, told.is_some());
     let mut notes = loaded.notes.clone();
     notes.extend(sliced.notes.iter().cloned().chain(told));
     let mut laid = LaidPart::default();

@@ -6,6 +6,7 @@
 //! fits, and so are those between ranges. The last layer is the last one whose middle is in the part: up
 //! to half a layer is lost or gained at the top.
 
+use super::object_settings::PartObject;
 use super::read::bounds_mm;
 use super::slice::{Section, Slicer};
 use super::{Carved, Mesh, MeshError};
@@ -91,6 +92,8 @@ pub struct SlicedPart {
     pub layers: Vec<TargetLayer>,
     /// The numbers of those that are wanted.
     pub wanted: Range<u32>,
+    /// Objects with settings of their own.
+    pub objects: Vec<PartObject>,
     /// Where shells overlap.
     pub notes: Vec<String>,
 }
@@ -106,6 +109,16 @@ impl SlicedPart {
     /// The layers of the requested range.
     pub fn wanted_layers(&self) -> &[TargetLayer] {
         &self.layers[self.wanted.start as usize..self.wanted.end as usize]
+    }
+
+    /// Takes the objects with settings of their own; of copies only the first stands in its object's box.
+    pub fn take_objects(&mut self, objects: &[PartObject], is_copied: bool) {
+        if is_copied && !objects.is_empty() {
+            let note = "of several copies the objects' own settings are not followed";
+            self.notes.push(note.to_string());
+            return;
+        }
+        self.objects = objects.to_vec();
     }
 
     /// Areas times heights of these, mm³.
@@ -289,6 +302,7 @@ pub fn sliced_carved(
     let part = SlicedPart {
         layers,
         wanted,
+        objects: Vec::new(),
         notes,
     };
     let is_empty = |layer: &TargetLayer| layer.regions.is_empty();

@@ -20,6 +20,7 @@ mod half_edges;
 pub mod height_map;
 pub mod layers;
 mod obj;
+pub mod object_settings;
 mod orient;
 pub mod patch;
 mod read;

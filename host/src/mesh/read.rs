@@ -3,6 +3,7 @@
 use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
+use super::object_settings::{ObjectInfill, PartObject};
 use super::orient::{Reoriented, orient};
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
 use crate::text::short_number::Short;
@@ -66,6 +67,8 @@ pub(super) struct RawMesh {
     pub colours: Vec<[u8; 3]>,
     /// Colours of the mesh's triangles, if it has any.
     pub triangle_colours: Vec<Option<[u8; 3]>>,
+    /// Objects with settings of their own: the corners of their boxes in the file, and these.
+    pub objects: Vec<(Option<String>, Vec<Point3>, ObjectInfill)>,
 }
 
 /// Which triangles of a surface are meant.
@@ -91,6 +94,8 @@ pub struct LoadedMesh {
     pub mesh: Mesh,
     /// What a project cuts something away from.
     pub carved: Vec<Carved>,
+    /// Objects with settings of their own.
+    pub objects: Vec<PartObject>,
     /// One line for each repair.
     pub notes: Vec<String>,
 }
@@ -119,6 +124,7 @@ pub fn read(
         carved,
         name: own_name,
         notes,
+        objects,
         ..
     } = raw;
     let mut closing = Closing {
@@ -137,6 +143,7 @@ pub fn read(
                 })
             })
             .collect::<Result<_, MeshError>>()?,
+        objects: objects.into_iter().map(PartObject::of_corners).collect(),
         notes: Vec::new(),
     };
     if loaded.solids().all(|mesh| mesh.triangles.is_empty()) {
@@ -307,6 +314,10 @@ fn read_raw(
     }
     if triangles == 0 {
         return Err(MeshError::Empty);
+    }
+    for corner in raw.objects.iter_mut().flat_map(|(_, corners, _)| corners) {
+        let p = Point3::from(corner.coords * factor);
+        *corner = turn.iter().fold(p, |p, turn| turn(p));
     }
     check_size(raw.solids())?;
     Ok(raw)

@@ -49,7 +49,7 @@ impl Use {
             PassKind::TwoPass | PassKind::OnePass => Use::Walls,
             PassKind::Infill => Use::Solid,
             PassKind::Sparse => Use::Sparse,
-            PassKind::Bridge => Use::Bridge,
+            PassKind::Bridge | PassKind::Roof => Use::Bridge,
             PassKind::Skirt => Use::Skirt,
         }
     }

@@ -9,40 +9,22 @@
 //! covered: files, and the clock.
 
 use super::PlanError;
-use crate::geometry::Point2;
-use crate::geometry::polygon::{Box2, Region};
+use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
-use crate::mesh::layers::{SlicedPart, TargetLayer};
+use crate::mesh::layers::SlicedPart;
+pub use crate::pipeline::blocks::FirstLayer;
+use crate::pipeline::blocks::{Block, Blocks, with_blocks};
 use crate::pipeline::links::Chain;
 use crate::pipeline::open_ground;
 pub use crate::pipeline::piece::PLACES_MAX;
 use crate::pipeline::piece::{Piece, PieceCache, key_of};
-use crate::pipeline::stack::{Stack, plan_stack};
+use crate::pipeline::roofs::Roofs;
 use crate::plan::judge::figures::Swept;
-use crate::plan::layers::bridge_ground::{Bridge, bridges};
-use crate::plan::layers::hollow::{Hollow, shell_layers};
-use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
-use crate::plan::layers::shells::{Overhang, overhangs, solid_ground};
-use crate::plan::layers::skirt::skirt_reach_mm;
+use crate::plan::layers::shells::{Overhang, overhangs};
 use crate::plan::progress::Progress;
-use crate::plan::route::keep_out::cleared;
-use crate::plan::route::keep_out::shadows::with_shadows;
 use crate::settings::Settings;
-use headway_firmware::kinematics::winds;
 use std::ops::Range;
-
-/// Most kinds of layer that are planned at a time: what they need is the memory that planning takes.
-const KINDS_AT_A_TIME: usize = 8;
-/// Most layers at a time, of however few kinds: their routes are written out.
-const LAYERS_AT_A_TIME: usize = 64;
-
-/// How the first layer of a part differs from the others.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FirstLayer {
-    /// Tip speed while it is printed, mm/s; `None` for that of the others.
-    pub speed_mm_s: Option<f64>,
-}
 
 /// A planned part.
 #[derive(Clone, Debug, Default)]
@@ -58,6 +40,10 @@ pub struct PartPlan {
     pub segments: u64,
     /// Overhangs, by layer of the complete part.
     pub overhangs: Vec<Overhang>,
+    /// Bridges that span much.
+    pub roofs: Roofs,
+    /// Objects whose settings cannot be followed.
+    pub unfollowed: Option<String>,
     /// Uncovered area without tiny parts, over all layers.
     pub open_mm2: f64,
 }
@@ -114,10 +100,24 @@ pub fn plan_part_in_pieces(
     settings: &Settings,
     context: PartContext,
 ) -> Result<PartPlan, PlanError> {
-    let blocks = Blocks::of(part, keep_out, first, settings)?;
+    with_blocks(part, keep_out, first, settings, |blocks, unfollowed| {
+        planned_in_blocks(part, blocks, unfollowed, context)
+    })
+}
+
+/// Plans the blocks of a part one after the other, joins them and hands their streams on.
+fn planned_in_blocks(
+    part: &SlicedPart,
+    blocks: &Blocks,
+    unfollowed: Option<String>,
+    context: PartContext,
+) -> Result<PartPlan, PlanError> {
+    let settings = blocks.settings;
     let mut planned = PartPlan {
         transform: blocks.transform,
-        overhangs: hanging(&blocks.outlines, &part.wanted, settings),
+        overhangs: hanging(blocks, &part.wanted),
+        roofs: blocks.bodies.roofs(),
+        unfollowed,
         ..PartPlan::default()
     };
     let mut chain = Chain::default();
@@ -159,94 +159,6 @@ pub fn plan_part_in_pieces(
     Ok(planned)
 }
 
-/// A part as it is divided into blocks: by its outlines and settings alone.
-pub(super) struct Blocks<'a> {
-    outlines: Vec<&'a [Region]>,
-    keep_out: Vec<Region>,
-    transform: PartTransform,
-    first: FirstLayer,
-    /// Number of the first of the wanted layers.
-    lowest: Option<u32>,
-    wanted: usize,
-    settings: &'a Settings,
-}
-
-/// Some layers that are planned together.
-pub(super) struct Block<'a> {
-    pub stack: Stack<'a>,
-    pub own: Settings,
-    /// Wanted layers before it.
-    pub before: usize,
-    /// From 0, without the end.
-    pub layers: Range<u32>,
-}
-
-impl<'a> Blocks<'a> {
-    pub fn of(
-        part: &'a SlicedPart,
-        keep_out: &[Region],
-        first: FirstLayer,
-        settings: &'a Settings,
-    ) -> Result<Blocks<'a>, PlanError> {
-        settings.check()?;
-        let is_like_others =
-            |layer: &TargetLayer| is_as_high(layer, settings) && first.speed_mm_s.is_none();
-        if !may_divide(settings) && !part.layers.iter().all(is_like_others) {
-            return Err(PlanError::FirstLayerWinds);
-        }
-        let transform = place(part, settings)?;
-        let wanted = part.wanted_layers();
-        Ok(Blocks {
-            outlines: part.layers.iter().map(|l| l.regions.as_slice()).collect(),
-            keep_out: with_shadows(keep_out, &transform, settings),
-            transform,
-            first,
-            lowest: wanted.first().map(|layer| layer.number),
-            wanted: wanted.len(),
-            settings,
-        })
-    }
-
-    /// The next block of the layers that are left.
-    pub fn next<'b>(&'b self, rest: &mut &'b [TargetLayer]) -> Option<Block<'b>> {
-        let (settings, outlines) = (self.settings, &self.outlines);
-        let lowest = rest.first()?;
-        let is_first = Some(lowest.number) == self.lowest;
-        let own = settings_of(lowest, self.first, settings);
-        let solid = |layer: u32| solid_of(outlines, layer, settings);
-        let bridges = |layer: u32| bridges_of(outlines, layer, settings);
-        let ground = LayerGround {
-            solid: &solid,
-            bridges: &bridges,
-        };
-        let (stack, used) = gather(rest, ground, &self.keep_out, &own, self.transform);
-        let before = self.wanted - rest.len();
-        let (block, left) = rest.split_at(used);
-        *rest = left;
-        let end = block.last().map_or(0, |layer| layer.number + 1);
-        Some(Block {
-            stack: Stack {
-                skirt_around: Some(lowest.regions.as_slice())
-                    .filter(|regions| is_first && !regions.is_empty()),
-                start: is_first.then(|| super::start_pose(settings)),
-                is_last: rest.is_empty(),
-                ..stack
-            },
-            own,
-            before,
-            layers: lowest.number..end,
-        })
-    }
-}
-
-impl Block<'_> {
-    /// Plans it.
-    pub fn planned(&self, progress: &dyn Progress) -> Result<Piece, PlanError> {
-        let plan = plan_stack(&self.stack, &self.own, progress)?;
-        Ok(Piece::of(plan, &self.own))
-    }
-}
-
 impl PartPlan {
     /// Adds the kept data of a piece, and passes on its stream.
     fn add(&mut self, piece: Piece, settings: &Settings) -> Result<SegmentStream, PlanError> {
@@ -264,174 +176,17 @@ impl PartPlan {
     }
 }
 
-/// True if the parts of a route can be printed one by one: joints that wind up (arms, turning
-/// tables) are followed along the whole of it.
-fn may_divide(settings: &Settings) -> bool {
-    winds(&settings.machine.kinematics) == 0
-}
-
-fn is_as_high(layer: &TargetLayer, settings: &Settings) -> bool {
-    (layer.height_mm - settings.layer_height_mm).abs() < 1e-9
-}
-
-/// Where a part goes: the box of all its layers.
-fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanError> {
-    let regions = part.layers.iter().flat_map(|layer| &layer.regions);
-    let corners: Vec<Point2> = regions
-        .flat_map(|region| [region.bounds().min, region.bounds().max])
-        .collect();
-    let bounds = Box2::of(&corners).grown(skirt_reach_mm(settings));
-    let bottom_mm = part.layers.first().map_or(0.0, |l| l.top_mm - l.height_mm);
-    let top_mm = part.layers.last().map_or(0.0, |layer| layer.top_mm);
-    let stacked = Settings {
-        layers: part.layers.len() as u32,
-        ..settings.clone()
-    };
-    Ok(PartTransform::choose_box(
-        bounds,
-        [bottom_mm, top_mm],
-        &stacked,
-    )?)
-}
-
-/// What of a layer is filled whatever the density.
-fn solid_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Region> {
-    match &settings.infill {
-        Some(infill) if !infill.is_solid() => {
-            solid_ground(outlines, layer as usize, shell_layers(infill))
-        }
-        _ => Vec::new(),
-    }
-}
-
-/// What of a layer is bridged, where there are lines to do it with.
-fn bridges_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Bridge> {
-    let below = (layer as usize).checked_sub(1);
-    match (below, &settings.infill) {
-        (Some(below), Some(_)) => {
-            let (own, reach_mm) = (layer as usize, settings.aperture.major_mm());
-            match Hollow::of(outlines, settings) {
-                Some(hollow) => hollow
-                    .pair(own)
-                    .map_or(Vec::new(), |[own, below]| bridges(&own, &below, reach_mm)),
-                None => bridges(outlines[own], outlines[below], reach_mm),
-            }
-        }
-        _ => Vec::new(),
-    }
-}
-
 /// What hangs on each of the wanted layers: over nothing, and not bridged.
-fn hanging(outlines: &[&[Region]], wanted: &Range<u32>, settings: &Settings) -> Vec<Overhang> {
-    let reach_mm = settings.aperture.major_mm();
-    let is_wanted = |layer: usize| wanted.contains(&(layer as u32));
-    let bridged = |layer: usize| match is_wanted(layer) {
-        true => {
-            let bridges = bridges_of(outlines, layer as u32, settings);
-            bridges.into_iter().flat_map(|b| b.ground).collect()
-        }
+fn hanging(blocks: &Blocks, wanted: &Range<u32>) -> Vec<Overhang> {
+    let (bodies, reach_mm) = (blocks.bodies, blocks.settings.aperture.major_mm());
+    let unheld = |layer: usize| match wanted.contains(&(layer as u32)) {
+        true => bodies.unheld(layer),
         false => Vec::new(),
     };
-    let hollow = Hollow::of(outlines, settings);
-    let unheld = |layer: usize| match hollow {
-        Some(hollow) if is_wanted(layer) => hollow.unheld(layer, reach_mm),
-        _ => Vec::new(),
-    };
-    overhangs(outlines, unheld, bridged, reach_mm)
-}
-
-/// What the lines inside a layer's walls have to heed, by the layer's number.
-#[derive(Clone, Copy)]
-struct LayerGround<'a> {
-    solid: &'a dyn Fn(u32) -> Vec<Region>,
-    bridges: &'a dyn Fn(u32) -> Vec<Bridge>,
-}
-
-/// The settings of a layer's piece.
-fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> Settings {
-    let is_first = layer.number == 0;
-    Settings {
-        layer_height_mm: layer.height_mm,
-        speed_mm_s: match first.speed_mm_s {
-            Some(speed_mm_s) if is_first => speed_mm_s,
-            _ => settings.speed_mm_s,
-        },
-        ..settings.clone()
-    }
-}
-
-/// The next layers of the same settings, as many as are planned at a time, and how many they are.
-fn gather<'a>(
-    layers: &'a [TargetLayer],
-    ground: LayerGround,
-    keep_out: &'a [Region],
-    settings: &Settings,
-    transform: PartTransform,
-) -> (Stack<'a>, usize) {
-    let mut stack = Stack {
-        outlines: Vec::new(),
-        kinds: Vec::new(),
-        layers: Vec::new(),
-        keep_out,
-        kept_out_mm2: 0.0,
-        skirt_around: None,
-        scale: None,
-        transform,
-        start: None,
-        is_last: false,
-        may_leave_out: true,
-    };
-    // Outlines as the part has them, before anything is taken from them.
-    let mut known: Vec<&[Region]> = Vec::new();
-    let may_divide = may_divide(settings);
-    let mut used = 0;
-    // Loops that follow each other without a rest are one move.
-    let may_rest = may_divide && !settings.wide_beads.continuous_z;
-    let most = if may_rest {
-        LAYERS_AT_A_TIME
-    } else {
-        usize::MAX
-    };
-    for layer in layers.iter().take(most) {
-        // The first layer may have its own height and speed, others a height.
-        let is_other = layer.number == 1 || !is_as_high(layer, settings);
-        let is_full = may_rest && stack.kinds.len() >= KINDS_AT_A_TIME;
-        if used > 0 && may_divide && (is_other || is_full) {
-            break;
-        }
-        used += 1;
-        if layer.regions.is_empty() {
-            continue;
-        }
-        let own = layer.regions.as_slice();
-        let outline = known.iter().position(|known| *known == own);
-        let outline = outline.unwrap_or_else(|| {
-            known.push(own);
-            stack
-                .outlines
-                .push(cleared(own, keep_out, settings).regions);
-            known.len() - 1
-        });
-        let area = |regions: &[Region]| regions.iter().map(Region::area_mm2).sum::<f64>();
-        stack.kept_out_mm2 += area(own) - area(&stack.outlines[outline]);
-        let infill = settings.infill.as_ref();
-        let kind = LayerKind {
-            outline,
-            // Between the solid areas the only solid layers are those of the shells.
-            infill: infill.map(|infill| infill.inside(layer.number)),
-            solid: (ground.solid)(layer.number),
-            bridges: (ground.bridges)(layer.number),
-        };
-        let known_kind = stack.kinds.iter().position(|known| *known == kind);
-        let kind_number = known_kind.unwrap_or(stack.kinds.len());
-        if known_kind.is_none() {
-            stack.kinds.push(kind);
-        }
-        stack.layers.push(StackLayer {
-            number: layer.number,
-            top_mm: layer.top_mm,
-            kind: kind_number,
-        });
-    }
-    (stack, used)
+    overhangs(
+        blocks.outlines,
+        unheld,
+        |layer| bodies.bridged(layer),
+        reach_mm,
+    )
 }

@@ -11,6 +11,7 @@
 //! The stages are in [`crate::plan`]; this module has their order for each kind of input. It knows no files, no
 //! terminal and no line.
 
+mod blocks;
 mod error;
 pub mod findings;
 pub mod gcode;
@@ -24,15 +25,18 @@ pub mod open_ground;
 mod outline;
 pub mod packing;
 pub mod page;
+pub mod part_body;
 pub mod pass_facts;
 pub mod piece;
 mod placed_passes;
 mod plan;
 pub mod planned;
+pub mod roofs;
 pub mod shards;
 pub mod stack;
 pub mod stacked_ground;
 pub mod surface;
+pub mod two_bead_walls;
 mod waypoints;
 
 pub use error::PlanError;

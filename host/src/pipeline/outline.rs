@@ -6,6 +6,8 @@ use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region};
 use crate::input::Target;
 use crate::job::transform::PartTransform;
+use crate::pipeline::roofs::Roofs;
+use crate::plan::layers::hollow::{bridges_of, wide_spans};
 use crate::plan::layers::layer_groups;
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::progress::Progress;
@@ -41,7 +43,17 @@ pub fn plan_target_around(
     if cleared.regions.is_empty() {
         return Err(PlanError::AllKeptOut);
     }
-    let (kinds, layers) = layer_groups::prism_layers(settings);
+    let outlines = vec![cleared.regions.as_slice(); settings.layers as usize];
+    let (settings, mut roofs) = Roofs::settled(&outlines, settings);
+    let settings = &settings;
+    let (kinds, layers) = layer_groups::prism_layers(settings, |layer| {
+        bridges_of(&outlines, layer as usize, settings)
+    });
+    let bridges = layers.iter().flat_map(|layer| {
+        let bridges = kinds[layer.kind].inside.bridges.iter();
+        bridges.map(|bridge| (layer.number, bridge))
+    });
+    roofs.wide = wide_spans(&outlines, bridges, settings);
     let stack = Stack {
         outlines: vec![cleared.regions],
         kinds,
@@ -55,7 +67,10 @@ pub fn plan_target_around(
         is_last: true,
         may_leave_out: false,
     };
-    plan_stack(&stack, settings, progress)
+    Ok(Plan {
+        roofs,
+        ..plan_stack(&stack, settings, progress)?
+    })
 }
 
 fn target_bounds(target: &Target) -> Box2 {

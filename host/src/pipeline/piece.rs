@@ -12,6 +12,7 @@ use crate::pipeline::layer_uses::{LayerUse, Use, layer_uses, pass_uses};
 use crate::pipeline::open_ground::{self, OpenGround};
 use crate::pipeline::stack::{LeftOut, Stack};
 use crate::pipeline::stacked_ground::{OpenCells, open_cells};
+use crate::pipeline::two_bead_walls::TwoBeadWalls;
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::layers::region_plan::RegionPlan;
 use crate::plan::motion::segments::check::Ratios;
@@ -74,6 +75,8 @@ pub struct Piece {
     pub slowed: SlowedLayers,
     /// Uncovered area by cells, and the number of evaluated layers.
     pub open_cells: (OpenCells, u32),
+    /// Walls that take two beads, and one of a wider nozzle.
+    pub two_bead_walls: TwoBeadWalls,
 }
 
 /// Pieces that were planned before.
@@ -107,6 +110,7 @@ impl Piece {
             uses: layer_uses(&plan, f64::from(settings.machine.servo_hz)),
             slowed: plan.slowed,
             open_cells: open_cells(&plan, settings.aperture.minor_mm()),
+            two_bead_walls: TwoBeadWalls::of(&plan, settings),
             open: open_ground::open_ground(&plan, settings),
             kept_out_mm2: plan.kept_out_mm2,
             has_skirt: plan.skirt.is_some(),
@@ -181,6 +185,7 @@ impl Piece {
             *self.open_cells.0.entry(cell).or_default() += layers;
         }
         self.open_cells.1 += piece.open_cells.1;
+        self.two_bead_walls.add(piece.two_bead_walls);
         piece.stream
     }
 

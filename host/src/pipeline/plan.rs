@@ -1,6 +1,7 @@
 //! The plan of a target, with all intermediate results.
 
 use super::layer_time::SlowedLayers;
+use super::roofs::Roofs;
 use super::stack::LeftOut;
 use super::surface::OnSurface;
 use super::surface::curved_layers::CurvedFigures;
@@ -57,6 +58,8 @@ pub struct Plan {
     pub on_surface: Option<OnSurface>,
     /// Results for its curved layers, if it has any.
     pub curved_layers: Option<CurvedFigures>,
+    /// Bridges that span much.
+    pub roofs: Roofs,
     /// Layers that were slowed to last long enough.
     pub slowed: SlowedLayers,
     /// Everything the head does.

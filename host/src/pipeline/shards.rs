@@ -6,7 +6,7 @@
 use super::PlanError;
 use crate::geometry::polygon::Region;
 use crate::mesh::layers::SlicedPart;
-use crate::pipeline::mesh::{Blocks, FirstLayer};
+use crate::pipeline::blocks::{FirstLayer, with_blocks};
 use crate::pipeline::piece::{PieceCache, key_of};
 use crate::plan::progress::Progress;
 use crate::settings::Settings;
@@ -46,26 +46,27 @@ pub fn plan_shard(
     (cache, program): (&mut dyn PieceCache, &str),
     progress: &dyn Progress,
 ) -> Result<(Vec<ShardBlock>, usize), PlanError> {
-    let blocks = Blocks::of(part, keep_out, first, settings)?;
-    let wanted = part.wanted_layers();
-    let (mut rest, mut done, mut number) = (wanted, Vec::new(), 0);
-    while let Some(block) = blocks.next(&mut rest) {
-        let is_own = number % shard.count.max(1) + 1 == shard.number;
-        if is_own {
-            progress.layers(block.before, wanted.len());
-            let key = key_of(&block.stack, &block.own, program);
-            let was_known = cache.get(key).is_some();
-            if !was_known {
-                cache.put(key, &block.planned(progress)?);
+    with_blocks(part, keep_out, first, settings, |blocks, _| {
+        let wanted = part.wanted_layers();
+        let (mut rest, mut done, mut number) = (wanted, Vec::new(), 0);
+        while let Some(block) = blocks.next(&mut rest) {
+            let is_own = number % shard.count.max(1) + 1 == shard.number;
+            if is_own {
+                progress.layers(block.before, wanted.len());
+                let key = key_of(&block.stack, &block.own, program);
+                let was_known = cache.get(key).is_some();
+                if !was_known {
+                    cache.put(key, &block.planned(progress)?);
+                }
+                done.push(ShardBlock {
+                    block: number,
+                    layers: block.layers.clone(),
+                    was_known,
+                });
             }
-            done.push(ShardBlock {
-                block: number,
-                layers: block.layers.clone(),
-                was_known,
-            });
+            number += 1;
         }
-        number += 1;
-    }
-    progress.layers(wanted.len(), wanted.len());
-    Ok((done, number))
+        progress.layers(wanted.len(), wanted.len());
+        Ok((done, number))
+    })
 }

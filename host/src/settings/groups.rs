@@ -25,6 +25,8 @@ pub(super) const MELT_SPEED_RANGE: [f64; 2] = [1e-4, 1e9];
 const MELT_ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e12];
 /// Fewest and most steps a unit.
 pub(super) const STEPS_RANGE: [f64; 2] = [1e-6, 1e9];
+/// Of a bridge, mm.
+const BRIDGE_RANGE_MM: [f64; 2] = [0.01, 1e5];
 const HOTTEST_C: f64 = DECIDEGREES_MAX as f64 / 10.0;
 
 const TIP_SPEED: Range = Within(TIP_SPEED_RANGE_MM_S[0], TIP_SPEED_RANGE_MM_S[1]);
@@ -52,6 +54,8 @@ keys! {
         layer_time_max_s: Asked = wide_beads|layer_time_max_s, Within(0.0, LAYER_TIME_MAX_S);
         continuous_z: AskedSwitch = wide_beads|continuous_z, Any;
         overlap_pct: Plain = overlap_pct, Within(0.0, 50.0);
+        /// Longest span of a bridge; a sparse infill below a roof is denser where it has to be.
+        bridge_max_mm: Known = bridge_max_mm, Above0(BRIDGE_RANGE_MM);
         /// Of what must keep out of keep-outs, about the tool's axis; 0: the aperture alone.
         nozzle_body_radius_mm: Plain = nozzle_body_radius_mm, Within(0.0, 1000.0);
         /// Travel stays inside the part where there is a way.

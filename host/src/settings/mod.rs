@@ -74,8 +74,18 @@ pub const AXIS_TOLERANCE_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 pub const AXIS_TOLERANCE_MAX_DEG: f64 = 10.0;
 /// How far the tool axis may be allowed to lean at most, degrees.
 pub const TILT_MAX_ASKED_DEG: f64 = 90.0;
+/// Longest span of a bridge, in widest beads.
+pub const BRIDGE_MAX_BEADS: f64 = 25.0;
 /// Solid layers above a sparse infill: one more, since the first lies on gaps.
 pub const TOP_LAYERS: u32 = 5;
+
+impl Settings {
+    /// The longest span that a bridge may have.
+    pub fn longest_bridge_mm(&self) -> f64 {
+        let by_bead_mm = BRIDGE_MAX_BEADS * 2.0 * self.aperture.major_mm();
+        self.bridge_max_mm.unwrap_or(by_bead_mm)
+    }
+}
 
 impl Infill {
     /// `walls` loops around a solid inside.
@@ -263,6 +273,8 @@ pub struct Settings {
     pub obstacles: Obstacles,
     /// What the kinds of bead ask for where it differs.
     pub kinds: kinds::Kinds,
+    /// Longest span of a bridge; `None`: [`BRIDGE_MAX_BEADS`].
+    pub bridge_max_mm: Option<f64>,
     /// Least time of a layer, s; shorter ones are printed slower. 0 for none.
     pub layer_time_min_s: f64,
     /// Least tip speed that short layers are slowed to.

@@ -159,6 +159,10 @@ options! {
     "infill-density" "PCT" infill_density_pct: f64 [allow_negative_numbers = true];
     /// From the middle of a line of the infill to that of the next, mm, in place of --infill-density.
     "infill-spacing" "MM" infill_spacing_mm: f64 [allow_negative_numbers = true];
+    /// Longest span of a bridge, mm [default: 25 of the widest beads]: a sparse infill below a roof is denser where it
+    /// has to be, and longer spans are reported.
+    "bridge-max" "MM" bridge_max_mm: f64 [allow_negative_numbers = true]
+        => bridge_max_mm;
     /// Solid layers at the bottom of a print with walls [default: 4, of several layers].
     "bottom" "N" bottom_layers: u32 [allow_negative_numbers = true];
     /// Solid layers at the top of a print with walls [default: 5, of several layers].

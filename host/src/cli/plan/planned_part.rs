@@ -107,7 +107,9 @@ fn cut(
     let failed = |error| CliError::Job(format!("{}: {error}", path.display()));
     let mut part = part.map_err(failed)?;
     let layers = part.layers.iter_mut().map(|layer| &mut layer.regions);
-    part.notes.extend(copies::spread(place, layers, settings)?);
+    let told = copies::spread(place, layers, settings)?;
+    part.take_objects(&loaded.objects, told.is_some());
+    part.notes.extend(told);
     bar.finish_and_clear();
     Ok(part)
 }

@@ -7,11 +7,12 @@
 //! Slicers store objects in separate model files next to the one with the build: a component names the
 //! file; otherwise an object that is missing in its own model is searched for in the others. Volumes that
 //! are not material (modifiers, support blockers and enforcers) are omitted, negative ones are subtracted
-//! from their object. Other settings of a project are not applied, and reported. Where a region of the mesh is asked
-//! for, its triangles keep the names of the objects and volumes they are of, and their colours. Not covered: materials
-//! and textures.
+//! from their object. Walls, density and solid layers of objects are followed; other settings of a project are not
+//! applied, and reported. Where a region of the mesh is asked for, its triangles keep the names of the objects and volumes
+//! they are of, and their colours. Not covered: materials and textures.
 
 mod model;
+mod own_settings;
 mod package;
 mod roles;
 #[cfg(test)]
@@ -22,9 +23,10 @@ mod xml;
 use super::read::{RawMesh, TRIANGLES_MAX, syntax};
 use super::{Mesh, MeshError, Point3};
 use model::{Item, Model, Object, Transform, UNMOVED};
+use own_settings::PlacedObject;
 use package::{Files, files};
 use roles::{Role, Roles};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use unfollowed::Aside;
 
@@ -64,25 +66,13 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
     }
     placing.only_counts = false;
     placing.placed.clear();
-    let (mut mesh, mut carved) = (Mesh::default(), Vec::new());
-    let mut groups = BTreeMap::<&str, Vec<Range<usize>>>::new();
-    let mut colours = Vec::new();
-    for item in &items {
-        placing.add(item, root, &Place::of(item))?;
-        let body = std::mem::take(&mut placing.item);
-        let Body { solid, cut, .. } = body;
-        if !cut.triangles.is_empty() && !solid.triangles.is_empty() {
-            carved.push((solid, cut));
-            continue;
-        }
-        let first = mesh.triangles.len();
-        for (name, own) in body.named {
-            let own = first + own.start..first + own.end;
-            groups.entry(name).or_default().push(own);
-        }
-        colours.extend(body.colours);
-        mesh.append(&solid);
-    }
+    let Built {
+        mesh,
+        carved,
+        placed,
+        groups,
+        colours,
+    } = placing.built(root, &items)?;
     if mesh.triangles.is_empty() && carved.is_empty() && !placing.is_all_printed(root, &items) {
         return Err(MeshError::NothingPrinted);
     }
@@ -92,11 +82,14 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
     }
     placing.aside.switched_off = root.items.len() - items.len();
     let objects = placing.placed_objects();
+    let (followed, entangled) = own_settings::followed(placed);
+    let ids: BTreeSet<usize> = followed.iter().map(|object| object.id).collect();
+    notes.extend(entangled);
     notes.extend(unfollowed::notes(
         unfollowed,
         &placing.aside,
         roles,
-        &objects,
+        (&objects, &ids),
     ));
     let named = root.objects.iter().find_map(|o| o.name.clone());
     Ok(RawMesh {
@@ -107,8 +100,50 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
         notes,
         groups: owned(groups),
         triangle_colours: colours,
+        objects: followed.into_iter().map(PlacedObject::told).collect(),
         ..RawMesh::default()
     })
+}
+
+/// What all items come to.
+#[derive(Default)]
+struct Built<'a> {
+    mesh: Mesh,
+    /// Items from which volumes are cut, with these.
+    carved: Vec<(Mesh, Mesh)>,
+    placed: Vec<PlacedObject>,
+    /// Runs of the mesh's triangles by name.
+    groups: BTreeMap<&'a str, Vec<Range<usize>>>,
+    colours: Vec<Option<[u8; 3]>>,
+}
+
+impl<'a> Placing<'a> {
+    /// Places the items one by one.
+    fn built(&mut self, root: &'a Model, items: &[&'a Item]) -> Result<Built<'a>, MeshError> {
+        let mut built = Built::default();
+        for item in items {
+            self.add(item, root, &Place::of(item))?;
+            let body = std::mem::take(&mut self.item);
+            let Body { solid, cut, .. } = body;
+            if !solid.triangles.is_empty() {
+                let object = self.object(item, root).map(|(object, _)| object);
+                let placed = PlacedObject::new(item.object, object, self.roles, &solid);
+                built.placed.push(placed);
+            }
+            if !cut.triangles.is_empty() && !solid.triangles.is_empty() {
+                built.carved.push((solid, cut));
+                continue;
+            }
+            let first = built.mesh.triangles.len();
+            for (name, own) in body.named {
+                let own = first + own.start..first + own.end;
+                built.groups.entry(name).or_default().push(own);
+            }
+            built.colours.extend(body.colours);
+            built.mesh.append(&solid);
+        }
+        Ok(built)
+    }
 }
 
 fn owned(groups: BTreeMap<&str, Vec<Range<usize>>>) -> Vec<(String, Vec<Range<usize>>)> {

@@ -3,6 +3,7 @@
 //! positions are computed by hand.
 
 use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
+use crate::mesh::object_settings::ObjectInfill;
 use crate::mesh::test_meshes::{cuboid, joined, model_3mf, object_3mf, to_3mf, to_package};
 use crate::mesh::{
     LoadedMesh, Mesh, MeshError, MeshFormat, MeshOptions, SurfaceRegion, read, read_surface,
@@ -119,8 +120,10 @@ fn volumes_of_prusaslicer_have_roles() {
         ),
         "{notes:?}"
     );
-    let settings = ["plate: fill_density 40%", "core: perimeters 5"];
-    assert!(has(&notes, &settings), "{notes:?}");
+    let followed = ["that are followed", "plate: fill_density 40%"];
+    assert!(has(&notes, &followed), "{notes:?}");
+    let others = ["are not followed", "core: perimeters 5"];
+    assert!(has(&notes, &others), "{notes:?}");
     assert!(!has(&notes, &["source_offset"]), "{notes:?}");
     assert!(has(&notes, &["settings of the project"]), "{notes:?}");
 
@@ -268,6 +271,89 @@ fn meshes_of_cura_have_roles() {
     assert!(has(&notes, &aside), "{notes:?}");
     assert!(has(&notes, &["infill_sparse_density 80"]), "{notes:?}");
     assert!(!has(&notes, &["drop_to_buildplate"]), "{notes:?}");
+}
+
+/// Goal: walls, density and solid layers of an object are followed, and each object has its own; other settings and those
+/// of modifiers are reported by name; of objects that stand within each other none are followed. Method: two plates of a
+/// project of PrusaSlicer, placed twice; a plate of Cura's; the same objects over each other.
+#[test]
+fn settings_of_objects_are_followed() {
+    let [body, _, core, ..] = volumes();
+    let objects = object_3mf(1, &joined(body.clone(), &core)) + &object_3mf(2, &body);
+    let config = "<config><object id=\"1\"><metadata type=\"object\" key=\"name\" value=\"one\"/><metadata \
+                  type=\"object\" key=\"fill_density\" value=\"40%\"/><metadata type=\"object\" \
+                  key=\"seam_position\" value=\"rear\"/><volume firstid=\"0\" lastid=\"11\"><metadata \
+                  type=\"volume\" key=\"name\" value=\"body\"/><metadata type=\"volume\" key=\"perimeters\" \
+                  value=\"3\"/></volume><volume firstid=\"12\" lastid=\"23\"><metadata type=\"volume\" \
+                  key=\"name\" value=\"core\"/><metadata type=\"volume\" key=\"volume_type\" \
+                  value=\"ParameterModifier\"/><metadata type=\"volume\" key=\"fill_density\" value=\"90%\"/>\
+                  </volume></object><object id=\"2\"><metadata type=\"object\" key=\"name\" value=\"two\"/>\
+                  <metadata type=\"object\" key=\"top_solid_layers\" value=\"0\"/></object></config>";
+    let package = |shift_mm: f64| {
+        let items = format!(
+            "<item objectid=\"1\"/><item objectid=\"2\" transform=\"1 0 0 0 1 0 0 0 1 {shift_mm} 0 0\"/>"
+        );
+        let model = model_3mf("millimeter", &objects, &items);
+        to_package(&[
+            (MODEL, model.as_str()),
+            ("Metadata/Slic3r_PE_model.config", config),
+        ])
+    };
+    let part = loaded(&package(30.0)).expect("readable");
+    let told: Vec<_> = part
+        .objects
+        .iter()
+        .map(|object| (object.name.as_deref(), object.bounds_mm, object.infill))
+        .collect();
+    let boxed =
+        |from: f64| [[from, 0.0, 0.0], [from + 20.0, 20.0, 5.0]].map(crate::mesh::Point3::from);
+    let one = ObjectInfill {
+        walls: Some(3),
+        density_pct: Some(40.0),
+        ..ObjectInfill::default()
+    };
+    let two = ObjectInfill {
+        top_layers: Some(0),
+        ..ObjectInfill::default()
+    };
+    assert_eq!(
+        told,
+        [
+            (Some("one"), boxed(0.0), one),
+            (Some("two"), boxed(30.0), two)
+        ]
+    );
+    let followed = [
+        "one: fill_density 40%",
+        "body: perimeters 3",
+        "two: top_solid_layers 0",
+    ];
+    assert!(has(&part.notes, &followed), "{:?}", part.notes);
+    let others = [
+        "are not followed",
+        "one: seam_position rear",
+        "core: fill_density 90%",
+    ];
+    assert!(has(&part.notes, &others), "{:?}", part.notes);
+    let entangled = loaded(&package(10.0)).expect("readable");
+    assert_eq!(entangled.objects, []);
+    assert!(has(&entangled.notes, &["within each other's boxes"]));
+    assert!(has(
+        &entangled.notes,
+        &["are not followed", "fill_density 40%"]
+    ));
+
+    let cura = object_3mf(1, &body).replacen(
+        "<mesh>",
+        "<metadatagroup><metadata name=\"cura:wall_line_count\">4</metadata><metadata \
+         name=\"cura:infill_line_distance\">6.0</metadata></metadatagroup><mesh>",
+        1,
+    );
+    let model = model_3mf("millimeter", &cura, "<item objectid=\"1\"/>");
+    let part = loaded(&to_3mf(&model)).expect("readable");
+    assert_eq!(part.objects.len(), 1);
+    let infill = part.objects[0].infill;
+    assert_eq!((infill.walls, infill.spacing_mm), (Some(4), Some(6.0)));
 }
 
 /// Goal: what is switched off and objects of type `other` and `support` are not printed; resources may

@@ -5,6 +5,7 @@ use super::model::{Object, Painted, paint_names};
 use super::roles::{KeyValues, ObjectNotes, Role, Roles};
 use super::xml::{Part, read};
 use crate::mesh::MeshError;
+use crate::mesh::object_settings::ObjectInfill;
 use std::collections::BTreeSet;
 
 /// Entries of a list that are reported one by one.
@@ -245,27 +246,38 @@ impl Aside {
     }
 }
 
-/// Settings of objects and volumes, each with its name.
-fn object_settings(roles: &Roles, objects: &[&Object]) -> Option<String> {
+/// Settings of objects and volumes, each with its name: those that are followed, and the others. `followed` are the
+/// objects whose settings are, where they can be.
+fn object_settings(roles: &Roles, objects: &[&Object], followed: &BTreeSet<usize>) -> Vec<String> {
     let mut ids: Vec<&usize> = roles.objects.keys().collect();
     ids.sort();
-    let mut found: Vec<String> = Vec::new();
-    let mut push = |name: Option<&String>, what: &str, settings: &[(String, String)]| {
-        if !settings.is_empty() {
+    let mut found: [Vec<String>; 2] = Default::default();
+    let mut push =
+        |id: Option<usize>, name: Option<&String>, what: &str, settings: &[(String, String)]| {
+            let can = id.is_some_and(|id| followed.contains(&id));
+            let settings = settings.iter().cloned();
+            let (own, others): (KeyValues, KeyValues) =
+                settings.partition(|(key, value)| can && ObjectInfill::follows(key, value));
             let name = name.map_or(what, String::as_str);
-            found.push(format!("{name}: {}", settings_text(settings)));
-        }
-    };
+            for (found, settings) in found.iter_mut().zip([own, others]) {
+                if !settings.is_empty() {
+                    found.push(format!("{name}: {}", settings_text(&settings)));
+                }
+            }
+        };
     for id in ids {
         let ObjectNotes {
             name,
             settings,
             volumes,
         } = &roles.objects[id];
-        push(name.as_ref(), "an object", settings);
+        push(Some(*id), name.as_ref(), "an object", settings);
+        let parts = volumes.iter().filter(|volume| volume.role == Role::Part);
+        let is_alone = parts.count() == 1;
         for volume in volumes {
             let what = volume.role.names()[0];
-            push(volume.name.as_ref(), what, &volume.settings);
+            let object = Some(*id).filter(|_| is_alone && volume.role == Role::Part);
+            push(object, volume.name.as_ref(), what, &volume.settings);
         }
     }
     for object in objects {
@@ -279,12 +291,15 @@ fn object_settings(roles: &Roles, objects: &[&Object]) -> Option<String> {
             .filter(|(key, _)| is_setting(key))
             .cloned()
             .collect();
-        push(object.name.as_ref(), object.role().names()[0], &settings);
+        let what = object.role().names()[0];
+        push(Some(object.id), object.name.as_ref(), what, &settings);
     }
-    (!found.is_empty()).then(|| {
-        let found = told(found.into_iter(), "; ");
-        format!("settings of objects and modifiers are not followed: {found}")
-    })
+    let [own, others] =
+        found.map(|found| (!found.is_empty()).then(|| told(found.into_iter(), "; ")));
+    let own = own.map(|own| format!("settings of objects that are followed: {own}"));
+    let others = others
+        .map(|others| format!("settings of objects and modifiers are not followed: {others}"));
+    own.into_iter().chain(others).collect()
 }
 
 fn painted(painted: &Painted) -> Option<String> {
@@ -303,7 +318,7 @@ pub(super) fn notes(
     unfollowed: &Unfollowed,
     aside: &Aside,
     roles: &Roles,
-    objects: &[&Object],
+    (objects, followed): (&[&Object], &BTreeSet<usize>),
 ) -> Vec<String> {
     let mut all: Painted = Painted::default();
     for object in objects {
@@ -318,7 +333,7 @@ pub(super) fn notes(
             roles.plates
         ));
     }
-    notes.extend(object_settings(roles, objects));
+    notes.extend(object_settings(roles, objects, followed));
     notes.extend(painted(&all));
     notes.extend(unfollowed.notes());
     notes

@@ -26,6 +26,7 @@ use crate::pipeline::open_ground::{self, OpenGround, open_ground, told_mm2};
 use crate::pipeline::piece::unreachable_boundary;
 use crate::pipeline::stacked_ground::open_cells;
 use crate::pipeline::surface::curved_layers::{Compared, CurvedFigures};
+use crate::pipeline::two_bead_walls::TwoBeadWalls;
 use crate::plan::judge::figures::PlanFigures;
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::outline::unreachable::UnreachableRun;
@@ -280,6 +281,8 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
             plan.motion.doubled_moves
         ));
     }
+    warnings.extend(plan.roofs.notes(settings));
+    warnings.extend(TwoBeadWalls::of(plan, settings).note(settings));
     warnings.extend(short_layers_note(plan.slowed, settings));
     warnings.extend(run_notes(plan, settings));
     warnings

@@ -174,7 +174,16 @@ pub fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>, Vec<us
 pub fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
     match planned.outline.is_empty() {
         true => Vec::new(),
-        false => infills_of_layers(&planned.settings).1,
+        false => {
+            let (infills, mut kinds) = infills_of_layers(&planned.settings);
+            let is_solid = |kind: usize| infills[kind].is_none_or(|infill| infill.is_solid());
+            let mut layers = 1..kinds.len();
+            // The first solid layer over a sparse infill may be a bridge.
+            if let Some(roof) = layers.find(|&l| is_solid(kinds[l]) && !is_solid(kinds[l - 1])) {
+                kinds[roof] = infills.len();
+            }
+            kinds
+        }
     }
 }
 

@@ -273,7 +273,7 @@ fn zones(planned: &Planned) -> Vec<Zone> {
         .map(|curve| match curve.kind {
             PassKind::TwoPass => Zone::TwoPass,
             PassKind::OnePass => Zone::OnePass,
-            PassKind::Infill | PassKind::Sparse | PassKind::Bridge => Zone::Infill,
+            PassKind::Infill | PassKind::Sparse | PassKind::Bridge | PassKind::Roof => Zone::Infill,
             PassKind::Skirt => Zone::Skirt,
         })
         .collect()

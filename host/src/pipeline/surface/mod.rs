@@ -196,7 +196,7 @@ impl ChartJob {
         settings: &Settings,
         progress: &dyn Progress,
     ) -> Result<Routed, PlanError> {
-        let (kinds, layers) = layer_groups::prism_layers(settings);
+        let (kinds, layers) = layer_groups::prism_layers(settings, |_| Vec::new());
         let rings = self.regions.iter().flat_map(Region::rings);
         let corners: Vec<Point2> = rings.flat_map(|ring| ring.points.clone()).collect();
         let corner = Box2::of(&corners).min;

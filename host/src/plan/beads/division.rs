@@ -29,8 +29,11 @@ const TIGHT_SHARE: f64 = 1.4;
 const TIGHT_LENGTH_SHARE: f64 = 1.5;
 /// Cost of laying two beads where one would do, per mm.
 const TWO_FOR_ONE: f64 = 0.05;
+/// How much wider than the widest bead a stretch may be, against a, and still be one with what that bead spans, where
+/// one bead is asked for: walls whose width varies by less than that have beads all of one kind.
+const SPANNED_SLACK: f64 = 0.02;
 /// Share of a that a single bead may need: the rest is for bends.
-const WIDEST_SINGLE_SHARE: f64 = 0.89;
+pub const WIDEST_SINGLE_SHARE: f64 = 0.89;
 
 /// The nodes that single runs are on, necks among them. `is_neck` are the nodes too narrow for any
 /// bead that do not just end in a corner.
@@ -58,6 +61,8 @@ struct Passages<'a> {
     aperture: &'a Aperture,
     /// Where two sides would not be printed.
     is_open: Vec<bool>,
+    /// Where one bead is to span the passage because it can.
+    is_spanned: Vec<bool>,
     /// What one bead costs more than two sides at the width of each node, per mm.
     more: Vec<f64>,
 }
@@ -75,10 +80,14 @@ impl<'a> Passages<'a> {
             is_neck,
             aperture: &settings.aperture,
             is_open: Vec::new(),
+            is_spanned: vec![false; axis.points.len()],
             more: Vec::new(),
         };
         passages.is_open = passages.open_nodes();
-        let more = |node| passages.more_for_one_bead(node, settings.one_pass);
+        if settings.one_pass {
+            passages.is_spanned = passages.spanned_nodes();
+        }
+        let more = |node| passages.more_for_one_bead(node);
         passages.more = (0..axis.points.len()).map(more).collect();
         passages
     }
@@ -118,11 +127,11 @@ impl<'a> Passages<'a> {
     }
 
     /// See `more`.
-    fn more_for_one_bead(&self, node: usize, one_pass: bool) -> f64 {
+    fn more_for_one_bead(&self, node: usize) -> f64 {
         let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
         let r = self.axis.radii_mm[node];
         let beads = r / (WIDEST_SINGLE_SHARE * a);
-        let two_sides = if one_pass && r <= a {
+        let two_sides = if self.is_spanned[node] {
             TOO_WIDE
         } else if self.is_open[node] {
             TOO_WIDE * beads
@@ -130,6 +139,25 @@ impl<'a> Passages<'a> {
             TOO_NARROW * (2.0 - r / b).max(0.0) + TWO_FOR_ONE
         };
         TOO_WIDE * (beads - 1.0).max(0.0) - two_sides
+    }
+
+    /// Marks the nodes that the widest bead spans, and with each the stretch around it that is wider by no more than a
+    /// tolerance: a wall as wide as the bead, but for rounding, is one stretch.
+    fn spanned_nodes(&self) -> Vec<bool> {
+        let a = self.aperture.major_mm();
+        let radii_mm = &self.axis.radii_mm;
+        let is_near = |n: usize| radii_mm[n] <= (1.0 + SPANNED_SLACK) * a;
+        let mut is_spanned = vec![false; radii_mm.len()];
+        let mut seen = is_spanned.clone();
+        for seed in 0..is_spanned.len() {
+            if seen[seed] || radii_mm[seed] > a {
+                continue;
+            }
+            for node in flood(seed, self.neighbours, &mut seen, is_near) {
+                is_spanned[node] = true;
+            }
+        }
+        is_spanned
     }
 
     /// Marks the nodes that one bead fits on and two sides would leave open: tight stretches that are
@@ -362,5 +390,47 @@ mod tests {
         };
         let single = cheapest_division(&axis, &axis.neighbours(), &none, &settings);
         assert!(single.iter().all(|&s| s));
+    }
+
+    /// Goal: where single runs are asked for, a wall about as wide as the widest bead has beads of one kind, however
+    /// its width wavers by less than the tolerance; a wide place in it has two sides. Method: a ring of 60 mm whose
+    /// half-width wavers by half the tolerance around widths from 0.97 to 1.05 of the bead's; a bulge.
+    #[test]
+    fn a_wall_as_wide_as_the_bead_is_not_torn() {
+        let settings = PassSettings {
+            one_pass: true,
+            ..SETTINGS
+        };
+        let a = ELLIPSE.major_mm();
+        let ring = |radius: &dyn Fn(u32) -> f64| Axis {
+            points: (0..600)
+                .map(|n| {
+                    let (sin, cos) = (std::f64::consts::TAU * f64::from(n) / 600.0).sin_cos();
+                    Point2::new(
+                        60.0 / std::f64::consts::TAU * cos,
+                        60.0 / std::f64::consts::TAU * sin,
+                    )
+                })
+                .collect(),
+            radii_mm: (0..600).map(radius).collect(),
+            links: (0..600).map(|n| [n, (n + 1) % 600]).collect(),
+        };
+        let divided =
+            |axis: &Axis| cheapest_division(axis, &axis.neighbours(), &[false; 600], &settings);
+        for step in 0..=80 {
+            let middle = 0.97 + 0.001 * f64::from(step);
+            let waver = |n: u32| a * (middle + 0.24 * SPANNED_SLACK * f64::from(n % 37).sin());
+            let single = divided(&ring(&waver));
+            assert!(single.iter().all(|&s| s == single[0]), "{middle}");
+            if middle < 1.0 - 0.24 * SPANNED_SLACK {
+                assert!(single[0], "{middle}");
+            }
+            if middle > 1.0 + 1.25 * SPANNED_SLACK {
+                assert!(!single[0], "{middle}");
+            }
+        }
+        let bulge = |n: u32| if (200..300).contains(&n) { 1.5 * a } else { a };
+        let single = divided(&ring(&bulge));
+        assert!((0..190).all(|n| single[n]) && (210..290).all(|n| !single[n]));
     }
 }

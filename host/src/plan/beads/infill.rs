@@ -38,8 +38,13 @@ const SEARCH_ROUNDS: usize = 48;
 /// Mean width of an area, relative to a, below which a solid infill is printed in loops: lines
 /// across it would be little more than their two ends.
 const LOOPS_SHARE: f64 = 6.0;
+/// Share of its box above which such an area is a straight strip, which gets lines along it.
+const STRIP_SHARE_MIN: f64 = 0.8;
+/// Sides of a strip whose directions are tried, the longest.
+const SIDES_TRIED: usize = 24;
 
-/// All passes inside the walls: lines, and loops where a solid infill has too little room for lines.
+/// All passes inside the walls: lines, and where a solid infill has too little room for lines across it, lines along
+/// straight strips and loops elsewhere.
 pub fn infill_passes(
     regions: &[Region],
     infill: &Infill,
@@ -47,6 +52,21 @@ pub fn infill_passes(
 ) -> Vec<LayerPass> {
     let (mut for_lines, mut found) = (Vec::new(), Vec::new());
     for region in regions {
+        let strip = Some(region)
+            .filter(|region| infill.is_solid() && is_narrow(region, &settings.aperture));
+        if let Some(angle_rad) = strip.and_then(|strip| strip_angle_rad(strip, &settings.aperture))
+        {
+            let along = Infill {
+                angle_rad,
+                ..*infill
+            };
+            let (strip, aperture) = (std::slice::from_ref(region), &settings.aperture);
+            let lines = infill_lines(strip, aperture, &along, settings.overlap, FLANK_SHARE);
+            if !lines.is_empty() {
+                found.extend(lines);
+                continue;
+            }
+        }
         let loops = if infill.is_solid() && is_narrow(region, &settings.aperture) {
             loops_of(region, settings)
         } else {
@@ -83,10 +103,57 @@ pub fn bridge_lines(regions: &[Region], angle_rad: f64, settings: &PassSettings)
     lines
 }
 
+/// Parallel lines over the lines of a sparse infill, all in the direction `angle_rad`, and the loops of areas with too
+/// little room for them.
+pub fn roof_lines(
+    regions: &[Region],
+    angle_rad: f64,
+    settings: &PassSettings,
+) -> (Vec<LayerPass>, Vec<LayerPass>) {
+    let infill = Infill {
+        angle_rad,
+        ..Infill::solid(0)
+    };
+    let passes = infill_passes(regions, &infill, settings).into_iter();
+    let (mut lines, loops): (Vec<LayerPass>, _) = passes.partition(|pass| pass.kind.is_line());
+    for line in &mut lines {
+        line.kind = PassKind::Roof;
+    }
+    (lines, loops)
+}
+
 /// Twice the area over the perimeter: the width of a strip.
 fn is_narrow(region: &Region, aperture: &Aperture) -> bool {
     let perimeter_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();
     2.0 * region.area_mm2() < LOOPS_SHARE * aperture.major_mm() * perimeter_mm
+}
+
+/// Direction of a straight strip that takes two lines or more: along it. Of one that a bead fills, the bead on its axis
+/// has its width.
+fn strip_angle_rad(region: &Region, aperture: &Aperture) -> Option<f64> {
+    if !region.holes.is_empty() {
+        return None;
+    }
+    let mut sides: Vec<Vector2> = region.exterior.edges().map(|(a, b)| b - a).collect();
+    sides.sort_by(|p, q| q.norm().total_cmp(&p.norm()));
+    let extent_mm = |axis: Vector2| {
+        let along = region.exterior.points.iter().map(|p| p.coords.dot(&axis));
+        let [low, high] = along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], t| {
+            [low.min(t), high.max(t)]
+        });
+        high - low
+    };
+    let boxes = sides.iter().take(SIDES_TRIED).filter_map(|side| {
+        let along = side.try_normalize(1e-12)?;
+        let width_mm = extent_mm(Vector2::new(-along.y, along.x));
+        Some((along, width_mm, extent_mm(along)))
+    });
+    // Of equal widths the first: rounding must not choose.
+    let narrowest = boxes.reduce(|best, own| if own.1 < best.1 - 1e-9 { own } else { best });
+    let (along, width_mm, length_mm) = narrowest?;
+    let is_straight = region.area_mm2() >= STRIP_SHARE_MIN * width_mm * length_mm;
+    let takes_two = width_mm > 2.0 * (1.0 + FLANK_SHARE) * aperture.major_mm();
+    (is_straight && takes_two).then(|| along.y.atan2(along.x))
 }
 
 /// The area filled along its outline; nothing where it has no medial axis.
@@ -356,6 +423,66 @@ mod tests {
             ],
             &[[4.0, 4.0], [4.5, 7.0], [6.0, 6.5], [5.5, 4.2]],
         ])
+    }
+
+    /// Goal: a narrow straight strip is filled by straight lines along it that cover it, however it lies; one that a bead
+    /// fills, bent and pointed ones by loops. Method: strips of 14 mm turned by several angles, their rows counted by
+    /// hand; an L, a triangle.
+    #[test]
+    fn straight_strips_are_filled_along() {
+        let aperture = ELLIPSE;
+        let settings = PassSettings {
+            aperture,
+            overlap: 0.0,
+            one_pass: false,
+            law: crate::settings::HeadingLaw::Tangent,
+            turn_weight_mm4: crate::plan::headings::profile::TURN_WEIGHT_MM4,
+        };
+        let solid = Infill::solid(1);
+        let strip = |width_mm: f64, turn_rad: f64| {
+            let turn = nalgebra::Rotation2::new(turn_rad);
+            let mut strip =
+                region(&[&[[0.0, 0.0], [14.0, 0.0], [14.0, width_mm], [0.0, width_mm]]]);
+            for point in &mut strip.exterior.points {
+                *point = turn * *point;
+            }
+            strip
+        };
+        for (width_mm, rows) in [(2.0, 2), (3.2, 3), (4.5, 4)] {
+            for turn_deg in [0.0, 31.0, 90.0f64] {
+                let strip = strip(width_mm, turn_deg.to_radians());
+                let lines = infill_passes(&[strip], &solid, &settings);
+                assert_eq!(lines.len(), rows, "{width_mm} {turn_deg}");
+                for line in &lines {
+                    assert_eq!(line.kind, PassKind::Infill);
+                    let ends = [line.placements.first(), line.placements.last()];
+                    let [from, to] = ends.map(|end| end.expect("an end").at.center);
+                    let along = to - from;
+                    let off_deg = along.y.atan2(along.x).to_degrees() - turn_deg;
+                    assert!(
+                        off_deg
+                            .rem_euclid(180.0)
+                            .min(180.0 - off_deg.rem_euclid(180.0))
+                            < 1e-6
+                    );
+                    assert!(along.norm() > 14.0 - 2.0 * aperture.major_mm());
+                }
+            }
+        }
+        let ell = [
+            [0.0, 0.0],
+            [14.0, 0.0],
+            [14.0, 2.0],
+            [2.0, 2.0],
+            [2.0, 14.0],
+            [0.0, 14.0],
+        ];
+        let triangle = [[0.0, 0.0], [14.0, 0.0], [0.0, 4.0]];
+        for other in [region(&[&ell]), region(&[&triangle]), strip(1.1, 0.3)] {
+            let loops = infill_passes(&[other], &solid, &settings);
+            assert!(!loops.is_empty());
+            assert!(loops.iter().all(|pass| pass.kind != PassKind::Infill));
+        }
     }
 
     /// Goal: no placement cuts, and every line goes on until it would. Method: the clearance query

@@ -1,7 +1,7 @@
 //! The passes of one region in printing order, linked.
 //!
-//! Walls come first, then the lines of a solid infill, linked with them, then bridges, linked only with each
-//! other so that they keep their own speed and flow, then the lines of a sparse infill: the area between
+//! Walls come first, then the lines of a solid infill, linked with them, then roofs over a sparse infill and bridges, each
+//! linked only with each other so that they keep their own speed and flow, then the lines of a sparse infill: the area between
 //! them is to stay open, and they are joined along the walls only.
 //!
 //! In: walls and lines of a region (mm, rad), the head's position (mm), settings. Out: open passes
@@ -17,7 +17,7 @@ use crate::plan::joining::infill_links::linked_along_walls;
 use crate::plan::joining::links::linked;
 use crate::plan::joining::order::ordered;
 use crate::plan::joining::seam::with_seam;
-use crate::plan::pass::LayerPass;
+use crate::plan::pass::{LayerPass, PassKind};
 use crate::settings::{SeamPlace, Settings};
 
 /// What belongs to one region, local coordinates.
@@ -119,8 +119,13 @@ impl Finish<'_> {
             passes = linked(passes, self.aperture, self.walls);
             from = last_place(&passes).unwrap_or(from);
         }
-        if !self.bridges.is_empty() {
-            let bridges = ordered(self.bridges, from, self.aperture);
+        let is_roof = |pass: &LayerPass| pass.kind == PassKind::Roof;
+        let (roofs, bridges): (Vec<_>, Vec<_>) = self.bridges.into_iter().partition(is_roof);
+        for bridges in [roofs, bridges] {
+            if bridges.is_empty() {
+                continue;
+            }
+            let bridges = ordered(bridges, from, self.aperture);
             passes.extend(linked(bridges, self.aperture, self.walls));
             from = last_place(&passes).unwrap_or(from);
         }

@@ -38,30 +38,36 @@ pub struct Bridge {
     pub ground: Vec<Region>,
     /// Direction of the lines, from anchor to anchor, against the x axis.
     pub angle_rad: f64,
+    /// The longest way from one anchor to the next.
+    pub span_mm: f64,
+    /// Its anchors are the lines of the sparse infill below it.
+    pub over_lines: bool,
 }
 
 /// The bridges of a layer over the one below; beads extend `reach_mm` over its edge without
 /// support.
 pub fn bridges(own: &[Region], below: &[Region], reach_mm: f64) -> Vec<Bridge> {
-    if own == below {
-        return Vec::new();
-    }
-    let hanging = difference(own, &grown(below, reach_mm));
-    let hanging: Vec<Region> = hanging
-        .into_iter()
-        .filter(|piece| is_wide(piece, reach_mm))
-        .collect();
-    if hanging.is_empty() {
-        return Vec::new();
-    }
-    let open = difference(own, below);
-    let whole = intersection(&grown(&hanging, GROWN_BACK_SHARE * reach_mm), &open);
+    let whole = open_space(own, below, reach_mm);
     let below: Vec<EdgeIndex> = below
         .iter()
         .map(|region| EdgeIndex::of_region(region, reach_mm))
         .collect();
     let bridge = |piece: &Region| bridge_of(piece, &below, reach_mm);
     whole.iter().filter_map(bridge).collect()
+}
+
+/// The area of a layer over nothing, of the pieces that extend farther over it than beads reach.
+pub fn open_space(own: &[Region], below: &[Region], reach_mm: f64) -> Vec<Region> {
+    if own == below {
+        return Vec::new();
+    }
+    let mut hanging = difference(own, &grown(below, reach_mm));
+    hanging.retain(|piece| is_wide(piece, reach_mm));
+    if hanging.is_empty() {
+        return hanging;
+    }
+    let open = difference(own, below);
+    intersection(&grown(&hanging, GROWN_BACK_SHARE * reach_mm), &open)
 }
 
 /// Twice the area over the perimeter is the width of a strip.
@@ -110,6 +116,8 @@ fn bridge_of(piece: &Region, below: &[EdgeIndex], reach_mm: f64) -> Option<Bridg
     (!ground.is_empty()).then_some(Bridge {
         ground,
         angle_rad: best.angle_rad,
+        span_mm: best.longest_mm,
+        over_lines: false,
     })
 }
 

@@ -1,27 +1,55 @@
-//! Solid layers over an almost empty interior: roofs.
+//! Solid layers over a sparse or empty interior: roofs.
 //!
-//! The layer below has walls and solid areas; between the lines of such a sparse infill it has nothing that supports
-//! a bead. Input: the outlines of all layers (mm, input coordinates) and the infill. Output: the solid area of a
-//! layer, and the supporting area of the one below; bridges and overhangs are found between the two as between
-//! outlines. Not covered: the sparse lines, which support a bridge where it crosses them.
+//! The layer below has walls and solid areas, and between them the lines of its infill. A roof goes the shorter way: from
+//! wall to wall, or, where the lines below are closer to each other than the walls, across these lines. Input: the
+//! outlines of all layers (mm, input coordinates) and the infill. Output: the bridges of each layer, the area that hangs,
+//! the density at which no roof has to span more than it may. Not covered: roofs over an infill of half the ground or
+//! more, which they span as they are, and that sparse lines may end short of a wall.
 
 use crate::geometry::Point2;
 use crate::geometry::boolean::{difference, grown, intersection};
 use crate::geometry::polygon::{Box2, Region, Ring};
-use crate::plan::layers::bridge_ground::is_wide;
+use crate::plan::layers::bridge_ground::{Bridge, bridges, is_wide, open_space};
 use crate::plan::layers::shells::{ShellLayers, solid_ground};
 use crate::settings::{BOTTOM_LAYERS, Infill, Settings, TOP_LAYERS};
+use rayon::prelude::*;
 
-/// Beads from one line of the infill to the next that a solid layer spans as it is: 5 at 20 %, 6.7 at 15 %.
+/// Beads from one line of the infill to the next that a solid curved layer spans as it is: 5 at 20 %, 6.7 at 15 %.
 pub const SPAN_BEADS_MAX: f64 = 6.0;
+/// The same of a flat layer: a gap of one bead.
+const PITCH_BEADS_MAX: f64 = 2.0;
+/// Spans that are longer than allowed by less are as long as allowed, against the longest that is.
+const SPAN_SLACK: f64 = 1e-6;
 
 /// A part with such an inside.
 #[derive(Clone, Copy, Debug)]
 pub struct Hollow<'a> {
     outlines: &'a [&'a [Region]],
+    infill: Infill,
     shells: ShellLayers,
     walls_mm: f64,
     bead_mm: f64,
+    /// Distance that beads extend over an edge without support.
+    reach_mm: f64,
+    span_max_mm: f64,
+}
+
+/// A bridge that spans more than it may.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WideSpan {
+    /// The layer, from 0.
+    pub layer: u32,
+    /// From one anchor to the next.
+    pub span_mm: f64,
+    /// A place on it, input coordinates.
+    pub at: Point2,
+    /// The part is below it, empty inside.
+    pub is_roof: bool,
+}
+
+/// The density, per cent, of lines so many beads apart, and the other way round.
+fn pct_or_pitch(pitch_or_pct: f64) -> f64 {
+    100.0 / pitch_or_pct
 }
 
 /// The solid layers that close a part.
@@ -32,23 +60,140 @@ pub fn shell_layers(infill: &Infill) -> ShellLayers {
     }
 }
 
+/// The bridges of a layer, where there are lines to make them of.
+pub fn bridges_of(outlines: &[&[Region]], layer: usize, settings: &Settings) -> Vec<Bridge> {
+    let below = layer.checked_sub(1);
+    let (Some(below), Some(_)) = (below, &settings.infill) else {
+        return Vec::new();
+    };
+    match Hollow::of(outlines, settings) {
+        Some(hollow) => hollow.bridges(layer),
+        None => bridges(
+            outlines[layer],
+            outlines[below],
+            settings.aperture.major_mm(),
+        ),
+    }
+}
+
+/// The bridges that span more than they may.
+pub fn wide_spans<'b>(
+    outlines: &[&[Region]],
+    bridges: impl Iterator<Item = (u32, &'b Bridge)>,
+    settings: &Settings,
+) -> Vec<WideSpan> {
+    let most_mm = settings.longest_bridge_mm() * (1.0 + SPAN_SLACK);
+    let wide = bridges.filter(|(_, bridge)| bridge.span_mm > most_mm);
+    let wide = wide.filter_map(|(layer, bridge)| {
+        let below = outlines.get((layer as usize).checked_sub(1)?)?;
+        let over = intersection(&bridge.ground, below);
+        let area_mm2 = |regions: &[Region]| regions.iter().map(Region::area_mm2).sum::<f64>();
+        let ground = bridge.ground.first()?;
+        let Box2 { min, max } = ground.bounds();
+        Some(WideSpan {
+            layer,
+            span_mm: bridge.span_mm,
+            at: nalgebra::center(&min, &max),
+            is_roof: 2.0 * area_mm2(&over) > area_mm2(&bridge.ground),
+        })
+    });
+    wide.collect()
+}
+
+/// The density of a sparse infill whose lines are as far from each other as a bridge may span, and the longest of the
+/// roofs that need it; `None` where the infill is dense enough for all of them, or empty.
+pub fn denser(outlines: &[&[Region]], settings: &Settings) -> Option<(f64, WideSpan)> {
+    let hollow = Hollow::of(outlines, settings)?;
+    let most_mm = settings.longest_bridge_mm();
+    if hollow.gap_mm()? <= most_mm * (1.0 + SPAN_SLACK) {
+        return None;
+    }
+    let layers = (0..outlines.len()).into_par_iter();
+    let wide = layers.flat_map_iter(|layer| {
+        let bridges = hollow.bridges(layer);
+        let numbered = bridges.iter().map(|bridge| (layer as u32, bridge));
+        wide_spans(outlines, numbered, settings)
+    });
+    let wide: Vec<WideSpan> = wide.filter(|span| span.is_roof).collect();
+    let longest = wide.into_iter();
+    let longest = longest.reduce(|p, q| if q.span_mm > p.span_mm { q } else { p })?;
+    Some((
+        pct_or_pitch((most_mm + hollow.bead_mm) / hollow.bead_mm),
+        longest,
+    ))
+}
+
 impl<'a> Hollow<'a> {
     /// `None` if the infill is dense enough, or there is none.
     pub fn of(outlines: &'a [&'a [Region]], settings: &Settings) -> Option<Hollow<'a>> {
-        let infill = settings.infill.as_ref()?;
+        let infill = settings.infill?;
         let bead_mm = 2.0 * settings.aperture.major_mm();
-        let is_hollow = infill.density_pct * SPAN_BEADS_MAX < 100.0;
+        let is_hollow = pct_or_pitch(infill.density_pct) > PITCH_BEADS_MAX;
         is_hollow.then_some(Hollow {
             outlines,
-            shells: shell_layers(infill),
+            infill,
+            shells: shell_layers(&infill),
             walls_mm: f64::from(infill.walls) * bead_mm,
             bead_mm,
+            reach_mm: settings.aperture.major_mm(),
+            span_max_mm: settings.longest_bridge_mm(),
         })
+    }
+
+    /// Between the beads of the infill; `None` without any.
+    fn gap_mm(&self) -> Option<f64> {
+        let pct = self.infill.density_pct;
+        (pct > 0.0).then(|| self.bead_mm * (pct_or_pitch(pct) - 1.0))
+    }
+
+    /// The gap, where a bridge may be so long.
+    fn gap_to_span_mm(&self) -> Option<f64> {
+        let most_mm = self.span_max_mm * (1.0 + SPAN_SLACK);
+        self.gap_mm().filter(|gap_mm| *gap_mm <= most_mm)
+    }
+
+    /// What a layer lays over open space and over the lines of the infill below it.
+    pub fn bridges(&self, layer: usize) -> Vec<Bridge> {
+        let Some([own, below]) = self.pair(layer) else {
+            return Vec::new();
+        };
+        let mut found = bridges(&own, &below, self.reach_mm);
+        let Some(gap_mm) = self.gap_to_span_mm() else {
+            return found;
+        };
+        let lines_below = self.sparse(layer - 1);
+        // Over lines that are nearer to each other than the walls they are the anchors.
+        found.retain(|bridge| {
+            let mut in_air = difference(&bridge.ground, &lines_below);
+            in_air.retain(|piece| is_wide(piece, self.reach_mm));
+            bridge.span_mm <= gap_mm || !in_air.is_empty()
+        });
+        let whole = intersection(&open_space(&own, &below, self.reach_mm), &lines_below);
+        let taken: Vec<Region> = found.iter().flat_map(|b| b.ground.clone()).collect();
+        let mut ground = match taken.is_empty() {
+            true => whole,
+            false => difference(&whole, &taken),
+        };
+        ground.retain(|piece| is_wide(piece, self.reach_mm));
+        if !ground.is_empty() {
+            found.push(Bridge {
+                ground,
+                angle_rad: self.infill.inside(layer as u32).angle_rad,
+                span_mm: gap_mm,
+                over_lines: true,
+            });
+        }
+        found
+    }
+
+    /// The part of a layer inside the walls that is not solid.
+    fn sparse(&self, layer: usize) -> Vec<Region> {
+        difference(&self.inside(self.outlines[layer]), &self.solid(layer))
     }
 
     /// The solid area of a layer, including walls and overhangs, and the area of the one below that
     /// supports it; `None` on the lowest layer, and if both have the same interior.
-    pub fn pair(&self, layer: usize) -> Option<[Vec<Region>; 2]> {
+    fn pair(&self, layer: usize) -> Option<[Vec<Region>; 2]> {
         let below = layer.checked_sub(1)?;
         let [solid, solid_below] = [layer, below].map(|layer| self.solid(layer));
         let (own, under) = (self.outlines[layer], self.outlines[below]);
@@ -61,13 +206,16 @@ impl<'a> Hollow<'a> {
         Some([difference(own, &sparse), difference(under, &sparse_below)])
     }
 
-    /// Solid area of a layer over nothing, farther than `reach_mm` from its support: parts wider than a
+    /// Solid area of a layer over nothing, farther from its support than beads reach: parts wider than a
     /// bead.
-    pub fn unheld(&self, layer: usize, reach_mm: f64) -> Vec<Region> {
-        let Some([own, below]) = self.pair(layer) else {
+    pub fn unheld(&self, layer: usize) -> Vec<Region> {
+        let Some([own, mut below]) = self.pair(layer) else {
             return Vec::new();
         };
-        let mut open = difference(&own, &grown(&below, reach_mm));
+        if self.gap_to_span_mm().is_some() {
+            below = self.outlines[layer - 1].to_vec();
+        }
+        let mut open = difference(&own, &grown(&below, self.reach_mm));
         open.retain(|piece| is_wide(piece, self.bead_mm));
         open
     }
@@ -107,53 +255,107 @@ impl<'a> Hollow<'a> {
 mod tests {
     use super::*;
     use crate::geometry::test_shapes::region;
-    use crate::plan::layers::bridge_ground::bridges;
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
     fn area_mm2(regions: &[Region]) -> f64 {
         regions.iter().map(Region::area_mm2).sum()
     }
 
-    /// Goal: the first solid layer over an empty inside is bridged from wall to wall, those above and below it are
-    /// not; a denser inside carries it. Method: a box of 20 mm of eight layers, two of them solid at either end; areas by hand.
-    #[test]
-    fn a_roof_over_nothing_is_bridged() {
-        let own = [region(&[&[
+    fn square(side: f64) -> [Region; 1] {
+        [region(&[&[
             [0.0, 0.0],
-            [20.0, 0.0],
-            [20.0, 20.0],
-            [0.0, 20.0],
-        ]])];
-        let outlines = [own.as_slice(); 8];
-        let with = |density_pct: f64| Settings {
+            [side, 0.0],
+            [side, side],
+            [0.0, side],
+        ]])]
+    }
+
+    fn with(density_pct: f64, bridge_max_mm: Option<f64>) -> Settings {
+        Settings {
             infill: Some(Infill {
                 density_pct,
                 bottom_layers: Some(2),
                 top_layers: Some(2),
                 ..Infill::solid(2)
             }),
+            bridge_max_mm,
             ..Settings::default()
-        };
-        for density_pct in [0.0, 5.0, 15.0] {
-            let settings = with(density_pct);
-            let reach_mm = settings.aperture.major_mm();
+        }
+    }
+
+    /// Goal: the first solid layer over a sparse inside is bridged, the shorter way: from wall to wall, or across lines
+    /// that are nearer; those above and below it are not. Method: a box of 20 mm of eight layers, two of them solid at
+    /// either end; areas, spans and directions by hand.
+    #[test]
+    fn a_roof_goes_the_shorter_way() {
+        let own = square(20.0);
+        let outlines = [own.as_slice(); 8];
+        // Two walls of 1.2 mm leave 15.2 mm; lines of 15 % are 8 mm apart, less a bead; layer 6 lies across layer 5.
+        let across_rad = FRAC_PI_4;
+        for (density_pct, span_mm, is_across) in [
+            (0.0, 15.2, false),
+            (5.0, 15.2, false),
+            (15.0, 6.8, true),
+            (20.0, 4.8, true),
+        ] {
+            let settings = with(density_pct, None);
             let hollow = Hollow::of(&outlines, &settings).expect("hollow");
             for layer in 0..8 {
-                let unheld_mm2 = area_mm2(&hollow.unheld(layer, reach_mm));
-                let pair = hollow.pair(layer);
-                let spans = pair.map_or(Vec::new(), |[own, below]| bridges(&own, &below, reach_mm));
-                let bridged_mm2: f64 = spans.iter().map(|bridge| area_mm2(&bridge.ground)).sum();
-                // Two walls of 1.2 mm leave 15.2 mm, of which the beads' reach is 0.6 mm all around.
-                let [roof_mm2, far_mm2] = [15.2f64, 14.0].map(|side| match layer {
-                    6 => side * side,
-                    _ => 0.0,
-                });
+                let spans = hollow.bridges(layer);
+                if layer != 6 {
+                    assert_eq!(spans, [], "{layer}");
+                    assert_eq!(area_mm2(&hollow.unheld(layer)), 0.0);
+                    continue;
+                }
+                assert_eq!(spans.len(), 1, "{density_pct}: {spans:?}");
+                let bridged_mm2 = area_mm2(&spans[0].ground);
+                assert!((bridged_mm2 - 15.2 * 15.2).abs() < 0.1, "{bridged_mm2}");
+                let found_mm = spans[0].span_mm;
                 assert!(
-                    (bridged_mm2 - roof_mm2).abs() < 0.1,
-                    "{layer}: {bridged_mm2}"
+                    (found_mm - span_mm).abs() < 0.01,
+                    "{density_pct}: {found_mm}"
                 );
-                assert!((unheld_mm2 - far_mm2).abs() < 0.1, "{layer}: {unheld_mm2}");
+                let off_rad = (spans[0].angle_rad - across_rad).rem_euclid(FRAC_PI_2);
+                let is_diagonal = off_rad.min(FRAC_PI_2 - off_rad) < 1e-9;
+                assert_eq!(is_diagonal, is_across, "{density_pct}");
+                if is_across {
+                    let lines_rad = settings.infill.expect("lines").inside(5).angle_rad;
+                    let turn_rad = (spans[0].angle_rad - lines_rad).rem_euclid(PI);
+                    assert!((turn_rad - FRAC_PI_2).abs() < 1e-9);
+                }
             }
+            assert_eq!(denser(&outlines, &settings), None);
         }
-        assert!(Hollow::of(&outlines, &with(20.0)).is_none());
+        assert!(Hollow::of(&outlines, &with(50.0, None)).is_none());
+    }
+
+    /// Goal: lines farther apart than a bridge may span are put as near as that where a roof needs it, and there only;
+    /// over an empty inside what spans more is told. Method: boxes of 60 mm and 20 mm; spans by hand.
+    #[test]
+    fn lines_are_as_near_as_a_bridge_may_span() {
+        let (wide, small) = (square(60.0), square(20.0));
+        let wide = [wide.as_slice(); 8];
+        let small = [small.as_slice(); 8];
+        // 25 beads of 1.2 mm are allowed, walls leave 55.2 mm.
+        let (density_pct, longest) = denser(&wide, &with(2.0, None)).expect("denser");
+        assert!(
+            (density_pct - 100.0 * 1.2 / 31.2).abs() < 1e-9,
+            "{density_pct}"
+        );
+        assert_eq!((longest.layer, longest.is_roof), (6, true));
+        assert!((longest.span_mm - 55.2).abs() < 0.01, "{longest:?}");
+        assert_eq!(denser(&small, &with(2.0, None)), None);
+        assert_eq!(denser(&wide, &with(4.0, None)), None);
+        assert!(denser(&small, &with(5.0, Some(10.0))).is_some());
+        assert_eq!(denser(&wide, &with(0.0, None)), None);
+        let told = |density_pct: f64| {
+            let settings = with(density_pct, None);
+            let bridges = bridges_of(&wide, 6, &settings);
+            wide_spans(&wide, bridges.iter().map(|bridge| (6, bridge)), &settings)
+        };
+        let empty = told(0.0);
+        assert_eq!(empty.len(), 1);
+        assert!((empty[0].span_mm - 55.2).abs() < 0.01 && empty[0].is_roof);
+        assert_eq!(told(density_pct), []);
     }
 }

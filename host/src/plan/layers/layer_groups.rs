@@ -13,7 +13,7 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::{Frame, snapped};
 use crate::geometry::place_scale::ScaleField;
 use crate::geometry::plane_curve::PlaneControl;
-use crate::geometry::polygon::Region;
+use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
 use crate::job::transform::PartTransform;
 use crate::plan::curve::heading_stops::PassCutter;
@@ -22,6 +22,7 @@ use crate::plan::curve::pushing_inside::InsideWalls;
 use crate::plan::joining::order::region_order;
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::bridge_ground::Bridge;
+use crate::plan::layers::inside::{Inside, has_middle};
 use crate::plan::layers::optimised_passes::PassCurve;
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Reversal};
 use crate::plan::layers::skirt::SkirtPlan;
@@ -102,12 +103,27 @@ pub fn infills_of_layers(settings: &Settings) -> (Vec<Option<Infill>>, Vec<usize
 pub struct LayerKind {
     /// Number of the outline among the different ones.
     pub outline: usize,
-    /// Walls and lines; `None` for loops all the way in.
-    pub infill: Option<Infill>,
-    /// Area that is solid whatever the lines' density, input coordinates.
-    pub solid: Vec<Region>,
-    /// What spans open space, input coordinates.
-    pub bridges: Vec<Bridge>,
+    /// What is inside the walls of its regions.
+    pub inside: Inside,
+    /// The same for the regions within these boxes, input coordinates: objects with settings of their own.
+    pub objects: Vec<(Box2, Inside)>,
+}
+
+impl LayerKind {
+    /// What is inside the walls of a region with this box.
+    fn inside_of(&self, bounds: Box2) -> &Inside {
+        let mut objects = self.objects.iter();
+        let own = objects.find(|(around, _)| has_middle(*around, bounds));
+        own.map_or(&self.inside, |(_, inside)| inside)
+    }
+
+    /// The sparsest infill of the layer.
+    fn infill(&self) -> Option<Infill> {
+        let objects = self.objects.iter();
+        let all = std::iter::once(&self.inside).chain(objects.map(|(_, inside)| inside));
+        let all = all.filter_map(|inside| inside.infill);
+        all.min_by(|p, q| p.density_pct.total_cmp(&q.density_pct))
+    }
 }
 
 /// One layer of a stack.
@@ -121,23 +137,54 @@ pub struct StackLayer {
     pub kind: usize,
 }
 
-/// Kinds and layers of a prism: one outline, solid layers at the bottom and the top.
-pub fn prism_layers(settings: &Settings) -> (Vec<LayerKind>, Vec<StackLayer>) {
-    let (infills, kind_of_layer) = infills_of_layers(settings);
-    let kinds = infills.into_iter().map(|infill| LayerKind {
-        outline: 0,
-        infill,
-        solid: Vec::new(),
-        bridges: Vec::new(),
-    });
-    let layers = (0u32..)
-        .zip(kind_of_layer)
-        .map(|(number, kind)| StackLayer {
+/// Kinds and layers of a prism: one outline, solid layers at the bottom and the top, of which the first one over a
+/// sparse infill has `bridges`.
+pub fn prism_layers(
+    settings: &Settings,
+    bridges: impl Fn(u32) -> Vec<Bridge>,
+) -> (Vec<LayerKind>, Vec<StackLayer>) {
+    let (infills, infill_of_layer) = infills_of_layers(settings);
+    let is_solid = |layer: u32| {
+        let infill = infills[infill_of_layer[layer as usize]];
+        infill.is_none_or(|infill| infill.is_solid())
+    };
+    let mut kinds: Vec<LayerKind> = infills
+        .iter()
+        .map(|&infill| LayerKind {
+            outline: 0,
+            inside: Inside {
+                infill,
+                ..Inside::default()
+            },
+            objects: Vec::new(),
+        })
+        .collect();
+    let mut layers = Vec::with_capacity(infill_of_layer.len());
+    for (number, &infill) in (0u32..).zip(&infill_of_layer) {
+        let is_roof = number > 0 && is_solid(number) && !is_solid(number - 1);
+        let bridges = if is_roof { bridges(number) } else { Vec::new() };
+        let kind = if bridges.is_empty() {
+            infill
+        } else {
+            let mut roof = kinds[infill].clone();
+            roof.inside.bridges = bridges;
+            kinds.push(roof);
+            kinds.len() - 1
+        };
+        layers.push(StackLayer {
             number,
             top_mm: settings.layer_height_mm * f64::from(number + 1),
             kind,
         });
-    (kinds.collect(), layers.collect())
+    }
+    // Of a part of few layers, all of that kind may be roofs.
+    let is_used = |kind: usize| layers.iter().any(|layer| layer.kind == kind);
+    let used: Vec<usize> = (0..kinds.len()).filter(|&kind| is_used(kind)).collect();
+    for layer in &mut layers {
+        layer.kind = used.partition_point(|&kind| kind < layer.kind);
+    }
+    let kinds = used.iter().map(|&kind| kinds[kind].clone()).collect();
+    (kinds, layers)
 }
 
 /// The passes of the regions of each kind, unordered: `[kind][region]`. `outlines` are the regions
@@ -154,13 +201,9 @@ pub fn with_passes(
     let steps = Steps::begin(progress, Stage::Passes, kinds.iter().map(regions).sum());
     let counts: Vec<usize> = kinds.iter().map(regions).collect();
     of_each_kind(&counts, |kind, region| {
-        let LayerKind {
-            outline,
-            infill,
-            ref solid,
-            ref bridges,
-        } = kinds[kind];
-        steps.step(|| outlines[outline][region].with_passes(infill, solid, bridges))
+        let kind = &kinds[kind];
+        let work = &outlines[kind.outline][region];
+        steps.step(|| work.with_passes(kind.inside_of(work.bounds())))
     })
 }
 
@@ -184,7 +227,7 @@ pub fn layer_groups(
         let mut its_layers = layers.iter().filter(|layer| layer.kind == number);
         let first_layer = its_layers.next().map_or(0, |layer| layer.number);
         LayerGroup {
-            infill: kind.infill,
+            infill: kind.infill(),
             layers: 1 + its_layers.count() as u32,
             first_layer,
             regions,

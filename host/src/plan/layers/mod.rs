@@ -5,7 +5,7 @@
 //! (mm, local)              (mm, rad)                    (alike layers once; machine coordinates)
 //! outline --skirt--> SkirtPlan (loops around the first layer)
 //! outlines --bridge_ground--> Bridge (what spans open space, and in which direction)
-//! outlines, infill --hollow--> the same of roofs over an inside that is all but empty
+//! outlines, infill --hollow--> the same of roofs over a sparse or empty inside
 //! outlines --shells--> ground that lies open above or below, overhangs
 //! ```
 //!
@@ -13,6 +13,7 @@
 
 pub mod bridge_ground;
 pub mod hollow;
+pub mod inside;
 pub mod layer_groups;
 pub mod optimised_passes;
 pub mod region_plan;

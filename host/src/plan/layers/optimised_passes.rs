@@ -37,7 +37,8 @@ pub type PassCurve = Option<Arc<[PlaneControl]>>;
 
 /// True for the passes that the optimiser knows: their beads are to cover area.
 fn is_known(pass: &LayerPass) -> bool {
-    let covers_ground = pass.kind.follows_walls() || pass.kind == PassKind::Infill;
+    let is_filling = matches!(pass.kind, PassKind::Infill | PassKind::Roof);
+    let covers_ground = pass.kind.follows_walls() || is_filling;
     covers_ground && !pass.placements.is_empty()
 }
 

@@ -11,17 +11,18 @@ use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::place_scale::ScaleField;
-use crate::geometry::polygon::{Region, Ring};
+use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::repair::FillRule;
 use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::axis::pruned_axis::Axis;
-use crate::plan::beads::infill::{bridge_lines, infill_passes};
+use crate::plan::beads::infill::{bridge_lines, infill_passes, roof_lines};
 use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
 use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::curve::heading_stops::PassCutter;
 use crate::plan::headings::profile::turn_weight_mm4;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
-use crate::plan::layers::bridge_ground::Bridge;
+use crate::plan::layers::bridge_ground::is_wide;
+use crate::plan::layers::inside::Inside;
 use crate::plan::layers::optimised_passes::{PassCurve, optimised};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
@@ -244,13 +245,14 @@ impl RegionWork {
         })
     }
 
-    /// The region with its passes, unordered: walls with these lines inside, or loops. `solid` is area that
-    /// is solid whatever the lines' density, `bridges` are those over open space, input coordinates.
+    /// The region with its passes, unordered: walls with these lines inside, or loops.
     pub fn with_passes(
         &self,
-        infill: Option<Infill>,
-        solid: &[Region],
-        bridges: &[Bridge],
+        Inside {
+            infill,
+            solid,
+            bridges,
+        }: &Inside,
     ) -> RegionWork {
         let mut work = self.clone();
         let how = pass_settings(&self.settings);
@@ -265,23 +267,30 @@ impl RegionWork {
                 let (mut passes, rings) =
                     outer_passes(&self.hull, &self.walls, &self.axis, &how, walls);
                 work.open = filled(rings.iter(), FillRule::Positive);
-                let (mut rest, mut bridged) = (work.open.clone(), Vec::new());
+                let mut rest = work.open.clone();
+                let mut over: [Vec<Region>; 2] = Default::default();
                 for bridge in bridges {
                     let ground = self.bridged(&bridge.ground, &rest);
                     let angle_rad = self.frame.angle_in(bridge.angle_rad);
-                    work.bridges.extend(bridge_lines(&ground, angle_rad, &how));
+                    let (lines, loops) = match bridge.over_lines {
+                        true => roof_lines(&ground, angle_rad, &how),
+                        false => (bridge_lines(&ground, angle_rad, &how), Vec::new()),
+                    };
+                    work.bridges.extend(lines);
+                    passes.extend(loops);
                     if !ground.is_empty() {
                         rest = difference(&rest, &ground);
                     }
-                    bridged.extend(ground);
+                    over[usize::from(bridge.over_lines)].extend(ground);
                 }
+                let [bridged, roofed] = over;
                 let [solid, sparse] = self.divided(&rest, infill, solid);
                 let filled = Infill {
                     density_pct: infill.density_pct.max(100.0),
                     ..*infill
                 };
                 passes.extend(infill_passes(&solid, &filled, &how));
-                let parts = [&solid, &sparse, &bridged];
+                let parts = [&solid, &sparse, &bridged, &roofed];
                 work.is_mixed = parts.iter().filter(|part| !part.is_empty()).count() > 1;
                 work.sparse = infill_passes(&sparse, infill, &how);
                 for line in &mut work.sparse {
@@ -344,6 +353,13 @@ impl RegionWork {
     /// True if nothing of it can be printed.
     pub fn is_empty(&self) -> bool {
         self.passes.is_empty() && self.sparse.is_empty() && self.bridges.is_empty()
+    }
+
+    /// Its box, input coordinates.
+    pub fn bounds(&self) -> Box2 {
+        let Box2 { min, max } = self.contour.region.bounds();
+        let [min, max] = [min, max].map(|corner| self.contour.to_input(corner));
+        Box2 { min, max }
     }
 
     /// The middle of its box, input coordinates, and its area, mm².
@@ -460,12 +476,6 @@ impl RegionWork {
         let best = tried.into_iter().min_by_key(|(key, _)| *key);
         best.map_or(Vec::new(), |(_, passes)| passes)
     }
-}
-
-/// Twice the area over the perimeter is the width of a strip.
-fn is_wide(region: &Region, width_mm: f64) -> bool {
-    let perimeter_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();
-    2.0 * region.area_mm2() >= width_mm * perimeter_mm
 }
 
 /// Most placements of a region that is ordered from several corners, of about 60 mm of path: where it begins counts on

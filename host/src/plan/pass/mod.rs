@@ -55,6 +55,8 @@ pub enum PassKind {
     Sparse,
     /// A straight line over open space, from anchor to anchor.
     Bridge,
+    /// A straight line of the first solid layer over a sparse infill, from one of its lines to the next.
+    Roof,
     /// A loop around the part: skirt or brim.
     Skirt,
 }
@@ -67,7 +69,8 @@ impl PassKind {
 
     /// True for straight lines inside the walls.
     pub fn is_line(self) -> bool {
-        matches!(self, PassKind::Infill | PassKind::Sparse | PassKind::Bridge)
+        use PassKind::{Bridge, Infill, Roof, Sparse};
+        matches!(self, Infill | Sparse | Bridge | Roof)
     }
 }
 

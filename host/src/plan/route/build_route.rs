@@ -382,7 +382,7 @@ fn asked_of(pass: &PlanePass, settings: &Settings) -> KindSettings {
         PassKind::TwoPass | PassKind::OnePass => kinds.walls,
         PassKind::Infill => kinds.solid,
         PassKind::Sparse => kinds.sparse,
-        PassKind::Bridge => kinds.bridge,
+        PassKind::Bridge | PassKind::Roof => kinds.bridge,
         PassKind::Skirt => kinds.skirt,
     };
     match pass.layer {

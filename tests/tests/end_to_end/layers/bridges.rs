@@ -52,6 +52,7 @@ fn table(legs: &[Region]) -> SlicedPart {
     SlicedPart {
         layers: layers.collect(),
         wanted: 0..LAYERS,
+        objects: Vec::new(),
         notes: Vec::new(),
     }
 }
@@ -212,6 +213,7 @@ impl Span {
             layers: vec![layer(0, piers), layer(1, vec![strip(0.0, end_mm)])],
             // The bridge alone is planned.
             wanted: 1..2,
+            objects: Vec::new(),
             notes: Vec::new(),
         }
     }
@@ -315,8 +317,8 @@ fn twelve_spans_at_four_angles_are_closed() {
     spans_are_closed(&all.collect::<Vec<_>>());
 }
 
-/// Goal: the first solid layer over an inside that is all but empty is a bridge from wall to wall, and nothing of it
-/// hangs; over denser lines it is laid as everywhere else. Method: the lid of a box of 12 mm, alone; its kinds, what
+/// Goal: the first solid layer over a sparse or empty inside is a bridge, and nothing of it hangs; over lines that cover
+/// half the ground it is laid as everywhere else. Method: the lid of a box of 12 mm, alone; its kinds, what
 /// stays open of it.
 #[test]
 fn a_roof_over_nothing_is_a_bridge() {
@@ -329,9 +331,10 @@ fn a_roof_over_nothing_is_a_bridge() {
     let part = SlicedPart {
         layers: layers.collect(),
         wanted: 3..4,
+        objects: Vec::new(),
         notes: Vec::new(),
     };
-    for (density_pct, is_bridge) in [(0.0, true), (15.0, true), (20.0, false)] {
+    for (density_pct, is_bridge) in [(0.0, true), (15.0, true), (20.0, true), (50.0, false)] {
         let settings = Settings {
             infill: Some(Infill {
                 density_pct,
@@ -356,5 +359,149 @@ fn a_roof_over_nothing_is_a_bridge() {
         // Places that are no specks: corners that no bead reaches, and what is left along a wall, are.
         let open_mm2 = plan.open_mm2;
         assert!(open_mm2 < 0.01 * 144.0, "{density_pct}: {open_mm2}");
+    }
+}
+
+/// Ground that a layer covers, in cells about the machine's origin.
+struct Covered {
+    cells: std::collections::HashSet<[i32; 2]>,
+}
+
+/// How the roof of a box lies on the layer below: passes and turns in mid-air, and the longest way over nothing.
+#[derive(Debug, Default)]
+struct Roof {
+    ends_in_air: usize,
+    bent_in_air: usize,
+    spans: usize,
+    longest_mm: f64,
+}
+
+impl Covered {
+    const CELL_MM: f64 = 0.1;
+
+    /// The cells of the nozzle at a pose.
+    fn nozzle(sample: &StreamSample) -> impl Iterator<Item = [i32; 2]> + use<> {
+        let aperture = Settings::default().aperture;
+        let (a, b) = (aperture.major_mm(), aperture.minor_mm());
+        let [x, y, _] = [0, 1, 2].map(|i| sample.position[i]);
+        let (sin, cos) = sample.position[CHANNEL_HEADING].sin_cos();
+        let reach = (a / Self::CELL_MM).ceil() as i32 + 1;
+        let [column, row] = [x, y].map(|mm| (mm / Self::CELL_MM).floor() as i32);
+        let near = (-reach..=reach).flat_map(move |i| (-reach..=reach).map(move |j| [i, j]));
+        near.map(move |[i, j]| [column + i, row + j])
+            .filter(move |[column, row]| {
+                let [u, v] = [(*column, x), (*row, y)]
+                    .map(|(cell, middle)| (f64::from(cell) + 0.5) * Self::CELL_MM - middle);
+                let (along, across) = (u * cos + v * sin, v * cos - u * sin);
+                (along / a).powi(2) + (across / b).powi(2) <= 1.0
+            })
+    }
+
+    fn by(plan: &PartPlan, layer: u32) -> Covered {
+        let servo_hz = f64::from(Settings::default().machine.servo_hz);
+        let ticks = plan.printed.stream.ticks_of_layer(layer);
+        let samples = samples_within(&plan.printed.stream, servo_hz, 1.0, ticks);
+        let prints = samples.filter(|sample| sample.mark.state == MotionState::Print);
+        Covered {
+            cells: prints.flat_map(|sample| Self::nozzle(&sample)).collect(),
+        }
+    }
+
+    /// True if the bead at a pose is on something, or beside it by a cell.
+    fn holds(&self, sample: &StreamSample) -> bool {
+        Self::nozzle(sample).any(|[column, row]| {
+            let mut near = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [column + i, row + j]));
+            near.any(|cell| self.cells.contains(&cell))
+        })
+    }
+
+    /// The ways of a layer's bridge passes over nothing.
+    fn roof(&self, plan: &PartPlan, layer: u32) -> Roof {
+        let servo_hz = f64::from(Settings::default().machine.servo_hz);
+        let ticks = plan.printed.stream.ticks_of_layer(layer);
+        let samples = samples_within(&plan.printed.stream, servo_hz, 1.0, ticks);
+        let is_roof = |sample: &StreamSample| {
+            let pass = sample.mark.pass.unwrap_or_default() as usize;
+            sample.mark.state == MotionState::Print
+                && plan.printed.pass_uses.get(pass) == Some(&Use::Bridge)
+        };
+        let mut passes: Vec<(u32, Vec<(Point2, bool)>)> = Vec::new();
+        for sample in samples.filter(is_roof) {
+            let pass = sample.mark.pass.unwrap_or_default();
+            let at = Point2::new(sample.position[0], sample.position[1]);
+            let place = (at, self.holds(&sample));
+            match passes.last_mut() {
+                Some((known, path)) if *known == pass => path.push(place),
+                _ => passes.push((pass, vec![place])),
+            }
+        }
+        let mut roof = Roof::default();
+        for (_, path) in &passes {
+            let (path, is_held): (Vec<Point2>, Vec<bool>) = path.iter().copied().unzip();
+            let ends = [is_held.first(), is_held.last()];
+            roof.ends_in_air += ends.into_iter().flatten().filter(|held| !**held).count();
+            let mut at = 0;
+            while at < path.len() {
+                let end = (at..path.len()).find(|&i| is_held[i] != is_held[at]);
+                let end = end.unwrap_or(path.len());
+                if !is_held[at] {
+                    let way_mm: f64 = path[at..end].windows(2).map(|w| (w[1] - w[0]).norm()).sum();
+                    let chord_mm = (path[end - 1] - path[at]).norm();
+                    roof.spans += 1;
+                    roof.longest_mm = roof.longest_mm.max(way_mm);
+                    roof.bent_in_air += usize::from(way_mm > 1.01 * chord_mm + 0.05);
+                }
+                at = end;
+            }
+        }
+        roof
+    }
+}
+
+/// Goal: every line of a roof is held at both its ends, and from wall to wall goes straight from one to the other; what it
+/// spans is no more than the gap of the infill below, or the box from wall to wall. Method: a box of 20 mm at four
+/// densities; a raster of the finished motion of the layer below, and the finished motion of the roof over it.
+#[test]
+fn every_line_of_a_roof_is_held_at_both_ends() {
+    let layers = (0..4).map(|number| TargetLayer {
+        number,
+        height_mm: 0.2,
+        top_mm: 0.2 * f64::from(number + 1),
+        regions: vec![box_of([0.0, 0.0], [20.0, 20.0])],
+    });
+    let part = SlicedPart {
+        layers: layers.collect(),
+        wanted: 2..4,
+        objects: Vec::new(),
+        notes: Vec::new(),
+    };
+    // Walls of 2.4 mm leave 15.2 mm.
+    for (density_pct, most_mm) in [(0.0, 15.2), (5.0, 15.2), (15.0, 6.8), (20.0, 4.8)] {
+        let settings = Settings {
+            infill: Some(Infill {
+                density_pct,
+                bottom_layers: Some(1),
+                top_layers: Some(1),
+                ..Infill::solid(2)
+            }),
+            ..Settings::default()
+        };
+        let plan = plan_part(&part, &[], FirstLayer::default(), &settings, &()).expect("a plan");
+        let roof = Covered::by(&plan, 2).roof(&plan, 3);
+        println!("{density_pct} %: {roof:?}");
+        assert!(roof.spans >= 10, "{density_pct}: {roof:?}");
+        assert_eq!(roof.ends_in_air, 0, "{density_pct}: {roof:?}");
+        // From wall to wall all lines are straight; what fills the corners beyond the last line below may turn there.
+        if density_pct < 10.0 {
+            assert_eq!(roof.bent_in_air, 0, "{density_pct}: {roof:?}");
+        }
+        assert!(roof.longest_mm <= most_mm, "{density_pct}: {roof:?}");
+        let open_mm2 = plan
+            .printed
+            .open
+            .first()
+            .map_or(0.0, |piece| piece.area_mm2);
+        assert!(open_mm2 < 0.2, "{density_pct}: {open_mm2}");
+        assert_eq!(plan.roofs.wide, []);
     }
 }

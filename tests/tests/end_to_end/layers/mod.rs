@@ -1,5 +1,6 @@
 //! Layers: covered, filled, bridged, stacked, kept out of.
 
+mod bead_wide_walls;
 mod blocks;
 mod bridges;
 mod infill;

@@ -19,6 +19,7 @@ use crate::pipeline::surface::height_ground::HeightGround;
 use crate::pipeline::surface::laid_ground::{OnSurface, in_chart};
 use crate::pipeline::surface::{ChartJob, SurfaceError};
 use crate::plan::layers::PlanePass;
+use crate::plan::layers::inside::Inside;
 use crate::plan::layers::layer_groups::{LayerGroup, LayerKind, RegionPrint, StackLayer};
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
@@ -94,9 +95,12 @@ pub fn flat(
         let infill = context.settings.infill.as_ref();
         let kind = LayerKind {
             outline,
-            infill: infill.map(|infill| infill.inside(number)),
-            solid: (context.solid)(number),
-            bridges: Vec::new(),
+            inside: Inside {
+                infill: infill.map(|infill| infill.inside(number)),
+                solid: (context.solid)(number),
+                bridges: Vec::new(),
+            },
+            objects: Vec::new(),
         };
         let known = stack.kinds.iter().position(|own| *own == kind);
         let kind_number = known.unwrap_or_else(|| {
@@ -271,9 +275,11 @@ fn routed(
         outlines: vec![job.regions.clone()],
         kinds: vec![LayerKind {
             outline: 0,
-            infill: infill.map(|infill| infill.inside(number)),
-            solid: Vec::new(),
-            bridges: Vec::new(),
+            inside: Inside {
+                infill: infill.map(|infill| infill.inside(number)),
+                ..Inside::default()
+            },
+            objects: Vec::new(),
         }],
         layers: vec![StackLayer {
             number,
