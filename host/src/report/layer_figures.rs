@@ -11,9 +11,11 @@ use std::collections::BTreeMap;
 pub enum Inside {
     /// Straight lines.
     Lines,
+    /// Straight lines along narrow strips.
+    LinesAlong,
     /// Loops, where a solid infill has too little room for lines.
     Loops,
-    /// Lines in some regions and loops in others.
+    /// Lines in some regions, loops or lines along strips in others.
     LinesAndLoops,
     /// The walls leave no area, or it stays uncovered.
     Nothing,
@@ -68,8 +70,9 @@ impl KindFigures {
         let lines = format!("{pct} % lines at {deg:.0}°");
         Some(match self.inside? {
             Inside::Lines => lines,
+            Inside::LinesAlong => format!("{pct} % lines along narrow strips"),
             Inside::Loops => "loops inside".to_string(),
-            Inside::LinesAndLoops => format!("{lines}, loops where it is narrow"),
+            Inside::LinesAndLoops => format!("{lines}, loops or lines along where it is narrow"),
             Inside::Nothing => "walls alone".to_string(),
         })
     }

@@ -30,6 +30,7 @@ use crate::pipeline::two_bead_walls::TwoBeadWalls;
 use crate::plan::judge::figures::PlanFigures;
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::outline::unreachable::UnreachableRun;
+use crate::plan::pass::{LayerPass, PassKind};
 use crate::report::Place;
 use crate::report::figures::{
     ComparedFigures, CurvedLayerFigures, Figures, Inside, KindFigures, SlowPlaceFigures,
@@ -231,20 +232,42 @@ fn compared_figures(compared: &Compared) -> ComparedFigures {
 
 /// The infill inside the walls, which is not always the requested one.
 fn laid_inside(kind: &LayerGroup) -> Inside {
-    let is_solid = kind.infill.is_some_and(|infill| infill.is_solid());
+    let solid_rad = (kind.infill.filter(|infill| infill.is_solid())).map(|infill| infill.angle_rad);
     let open = kind.regions.iter().filter(|region| !region.open.is_empty());
-    let (mut lines, mut loops) = (false, false);
+    let (mut lines, mut along, mut loops) = (false, false, false);
     for region in open {
         let has_lines = region.passes.iter().any(|p| p.kind.is_line());
-        lines |= has_lines;
-        loops |= is_solid && !has_lines;
+        let solid = region.passes.iter().filter(|p| p.kind == PassKind::Infill);
+        let is_along = solid_rad.is_some_and(|angle_rad| is_mostly_aslant(solid, angle_rad));
+        lines |= has_lines && !is_along;
+        along |= is_along;
+        loops |= solid_rad.is_some() && !has_lines;
     }
-    match (lines, loops) {
-        (true, false) => Inside::Lines,
-        (false, true) => Inside::Loops,
-        (true, true) => Inside::LinesAndLoops,
-        (false, false) => Inside::Nothing,
+    match (lines, along, loops) {
+        (true, false, false) => Inside::Lines,
+        (false, true, false) => Inside::LinesAlong,
+        (false, false, true) => Inside::Loops,
+        (false, false, false) => Inside::Nothing,
+        _ => Inside::LinesAndLoops,
     }
+}
+
+/// Whether most of the passes' length is more than a third of a right angle off this direction: lines along a strip.
+fn is_mostly_aslant<'a>(passes: impl Iterator<Item = &'a LayerPass>, angle_rad: f64) -> bool {
+    let (sin, cos) = angle_rad.sin_cos();
+    let [mut aslant_mm, mut all_mm] = [0.0; 2];
+    for leg in passes.flat_map(|pass| pass.placements.windows(2)) {
+        let [x, y] = {
+            let way = leg[1].at.center - leg[0].at.center;
+            [way.x, way.y]
+        };
+        let length_mm = x.hypot(y);
+        all_mm += length_mm;
+        if (x * sin - y * cos).abs() > 0.5 * length_mm {
+            aslant_mm += length_mm;
+        }
+    }
+    aslant_mm > 0.5 * all_mm
 }
 
 /// What the layers of each kind came to.

@@ -402,8 +402,17 @@ fn a_label_says_what_was_laid() {
         std::fs::write(&file, text).expect("file");
         file
     };
+    let ell = folder.join("ell.json");
+    let ring = serde_json::json!([[0, 0], [16, 0], [16, 4], [4, 4], [4, 16], [0, 16]]);
+    let text = serde_json::json!({"units": "mm", "exterior": ring}).to_string();
+    std::fs::write(&ell, text).expect("file");
     for (file, inside, said) in [
-        (bar("narrow.json", 4.0), "loops", "loops inside"),
+        (
+            bar("strip.json", 4.0),
+            "lines_along",
+            "100 % lines along narrow strips",
+        ),
+        (ell, "loops", "loops inside"),
         (bar("wide.json", 9.0), "lines", "100 % lines at 45°"),
         (bar("thin.json", 1.0), "nothing", "walls alone"),
     ] {
