@@ -9,7 +9,7 @@ use crate::geometry::polygon::{Box2, Region};
 use crate::job::transform::PartTransform;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
 use crate::pipeline::part_body::{PartBodies, Share, shares};
-use crate::pipeline::piece::Piece;
+use crate::pipeline::piece::{Piece, PieceCache, key_of};
 use crate::pipeline::stack::{Stack, plan_stack};
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
 use crate::plan::layers::skirt::skirt_reach_mm;
@@ -126,10 +126,22 @@ impl Blocks<'_> {
 }
 
 impl Block<'_> {
-    /// Plans it.
-    pub fn planned(&self, progress: &dyn Progress) -> Result<Piece, PlanError> {
-        let plan = plan_stack(&self.stack, &self.own, progress)?;
-        Ok(Piece::of(plan, &self.own))
+    /// Takes it from the cache, or plans it and puts it there; whether it was there. `program` is the one that plans.
+    pub fn piece(
+        &self,
+        cache: &mut dyn PieceCache,
+        program: &str,
+        progress: &dyn Progress,
+    ) -> Result<(Piece, bool), PlanError> {
+        let key = (cache.keeps()).then(|| key_of(&self.stack, &self.own, program));
+        if let Some(known) = key.and_then(|key| cache.get(key)) {
+            return Ok((known, true));
+        }
+        let piece = Piece::of(plan_stack(&self.stack, &self.own, progress)?, &self.own);
+        if let Some(key) = key {
+            cache.put(key, &piece);
+        }
+        Ok((piece, false))
     }
 }
 

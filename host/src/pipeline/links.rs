@@ -9,8 +9,6 @@
 //! begin and end, which their outlines decide.
 
 use super::{Plan, PlanError, start_pose};
-use crate::geometry::Vector2;
-use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::pipeline::layer_uses::LayerUse;
 use crate::pipeline::piece::Piece;
@@ -70,16 +68,13 @@ fn travel(
     progress: &dyn Progress,
 ) -> Result<Piece, PlanError> {
     let layer = next.marks.first().map_or(0, |mark| mark.layer);
-    let shift = Vector2::new(stack.transform.offset_mm[0], stack.transform.offset_mm[1]);
-    let on_machine = |regions: &[Region]| -> Vec<Region> {
-        regions.iter().map(|region| region.shifted(shift)).collect()
-    };
-    let ground = on_machine(stack.outline_of(layer));
-    let mut ways = TravelWays::new(&on_machine(stack.keep_out), &ground, settings)?;
+    let ground = stack.on_machine(stack.outline_of(layer));
+    let keep_out = stack.on_machine(stack.keep_out);
+    let mut ways = TravelWays::new(&keep_out, &ground, settings)?;
     let from = next.units.to_natural(&end);
     let to = next.units.to_natural(&next.start);
     let route = build_link(from, to, layer, &mut ways, settings);
-    let route = route.map_err(|error| error.shifted(-shift))?;
+    let route = route.map_err(|error| error.shifted(-stack.shift()))?;
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (figures, _) = measure(&stream, &[], &[], &stack.transform, settings, progress);
     let plan = Plan {

@@ -18,7 +18,7 @@ use crate::pipeline::blocks::{Block, Blocks, with_blocks};
 use crate::pipeline::links::Chain;
 use crate::pipeline::open_ground;
 pub use crate::pipeline::piece::PLACES_MAX;
-use crate::pipeline::piece::{Piece, PieceCache, key_of};
+use crate::pipeline::piece::{Piece, PieceCache};
 use crate::pipeline::roofs::Roofs;
 use crate::plan::judge::figures::Swept;
 use crate::plan::layers::shells::{Overhang, overhangs};
@@ -126,18 +126,7 @@ fn planned_in_blocks(
     while let Some(block) = blocks.next(&mut rest) {
         let Block { stack, own, .. } = &block;
         context.progress.layers(block.before, wanted.len());
-        let key = (context.cache.keeps()).then(|| key_of(stack, own, context.program));
-        let known = key.and_then(|key| context.cache.get(key));
-        let mut piece = match known {
-            Some(known) => known,
-            None => {
-                let piece = block.planned(context.progress)?;
-                if let Some(key) = key {
-                    context.cache.put(key, &piece);
-                }
-                piece
-            }
-        };
+        let (mut piece, _) = block.piece(context.cache, context.program, context.progress)?;
         let link = chain.link(&mut piece, stack, own, context.progress)?;
         for piece in link.into_iter().chain([piece]) {
             let first_pass = planned.printed.figures.passes as u32;

@@ -7,7 +7,7 @@ use super::PlanError;
 use crate::geometry::polygon::Region;
 use crate::mesh::layers::SlicedPart;
 use crate::pipeline::blocks::{FirstLayer, with_blocks};
-use crate::pipeline::piece::{PieceCache, key_of};
+use crate::pipeline::piece::PieceCache;
 use crate::plan::progress::Progress;
 use crate::settings::Settings;
 use std::ops::Range;
@@ -53,11 +53,7 @@ pub fn plan_shard(
             let is_own = number % shard.count.max(1) + 1 == shard.number;
             if is_own {
                 progress.layers(block.before, wanted.len());
-                let key = key_of(&block.stack, &block.own, program);
-                let was_known = cache.get(key).is_some();
-                if !was_known {
-                    cache.put(key, &block.planned(progress)?);
-                }
+                let (_, was_known) = block.piece(cache, program, progress)?;
                 done.push(ShardBlock {
                     block: number,
                     layers: block.layers.clone(),

@@ -64,6 +64,18 @@ pub(crate) struct Stack<'a> {
 }
 
 impl Stack<'_> {
+    /// From input coordinates to those of the machine, mm.
+    pub(crate) fn shift(&self) -> Vector2 {
+        let [x, y, ..] = self.transform.offset_mm;
+        Vector2::new(x, y)
+    }
+
+    /// Regions in coordinates of the machine.
+    pub(crate) fn on_machine(&self, regions: &[Region]) -> Vec<Region> {
+        let shift = self.shift();
+        regions.iter().map(|region| region.shifted(shift)).collect()
+    }
+
     /// The regions of one of its layers.
     pub(crate) fn outline_of(&self, layer: u32) -> &[Region] {
         &self.outlines[self.outline_number(layer)]
@@ -167,9 +179,8 @@ pub(crate) fn route_stack(
     progress: &dyn Progress,
 ) -> Result<RoutedStack, PlanError> {
     let transform = stack.transform;
-    let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
     let from = match stack.start {
-        Some(start) => Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift,
+        Some(start) => Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - stack.shift(),
         None => stack.middle(),
     };
     let begun = begin(stack, settings, progress)?;
@@ -295,19 +306,15 @@ fn route_of(
     curves: &[PlanePass],
     settings: &Settings,
 ) -> Result<(Route, usize), PlanError> {
-    let shift = Vector2::new(stack.transform.offset_mm[0], stack.transform.offset_mm[1]);
-    let on_machine = |regions: &[Region]| -> Vec<Region> {
-        regions.iter().map(|region| region.shifted(shift)).collect()
-    };
-    let keep_out = on_machine(stack.keep_out);
+    let keep_out = stack.on_machine(stack.keep_out);
     let outline_of = |layer: u32| stack.outline_number(layer);
     let mut route = Route::default();
     let (mut at, mut number, mut crossings) = (stack.start, 0, 0);
     for curves in curves.chunk_by(|p, q| outline_of(p.layer) == outline_of(q.layer)) {
-        let ground = on_machine(&stack.outlines[outline_of(curves[0].layer)]);
+        let ground = stack.on_machine(stack.outline_of(curves[0].layer));
         let mut ways = TravelWays::new(&keep_out, &ground, settings)?;
         let of_outline = build_route(curves, number, at, &mut ways, stack.scale, settings);
-        let of_outline = of_outline.map_err(|error| error.shifted(-shift))?;
+        let of_outline = of_outline.map_err(|error| error.shifted(-stack.shift()))?;
         crossings += outline_crossings(&of_outline, &ground);
         number += curves.len() as u32;
         route.moves.extend(of_outline.moves);

@@ -50,43 +50,50 @@ pub fn infill_passes(
     infill: &Infill,
     settings: &PassSettings,
 ) -> Vec<LayerPass> {
+    let lines = |regions: &[Region], infill: &Infill| {
+        infill_lines(
+            regions,
+            &settings.aperture,
+            infill,
+            settings.overlap,
+            FLANK_SHARE,
+        )
+    };
     let (mut for_lines, mut found) = (Vec::new(), Vec::new());
     for region in regions {
-        let strip = Some(region)
-            .filter(|region| infill.is_solid() && is_narrow(region, &settings.aperture));
-        if let Some(angle_rad) = strip.and_then(|strip| strip_angle_rad(strip, &settings.aperture))
-        {
-            let along = Infill {
-                angle_rad,
-                ..*infill
-            };
-            let (strip, aperture) = (std::slice::from_ref(region), &settings.aperture);
-            let lines = infill_lines(strip, aperture, &along, settings.overlap, FLANK_SHARE);
-            if !lines.is_empty() {
-                found.extend(lines);
-                continue;
-            }
-        }
-        let loops = if infill.is_solid() && is_narrow(region, &settings.aperture) {
-            loops_of(region, settings)
-        } else {
-            Vec::new()
+        let is_strip = infill.is_solid() && is_narrow(region, &settings.aperture);
+        let own = match is_strip {
+            true => strip_passes(region, infill, settings, &lines),
+            false => Vec::new(),
         };
-        if loops.is_empty() {
+        if own.is_empty() {
             for_lines.push(region.clone());
         }
-        found.extend(loops);
+        found.extend(own);
     }
-    let flanks = FLANK_SHARE;
-    let lines = infill_lines(
-        &for_lines,
-        &settings.aperture,
-        infill,
-        settings.overlap,
-        flanks,
-    );
-    found.extend(lines);
+    found.extend(lines(&for_lines, infill));
     found
+}
+
+/// Passes of an area with too little room for lines across it: lines along it where it is straight, else loops; none if
+/// neither fits.
+fn strip_passes(
+    strip: &Region,
+    infill: &Infill,
+    settings: &PassSettings,
+    lines: &impl Fn(&[Region], &Infill) -> Vec<LayerPass>,
+) -> Vec<LayerPass> {
+    if let Some(angle_rad) = strip_angle_rad(strip, &settings.aperture) {
+        let along = Infill {
+            angle_rad,
+            ..*infill
+        };
+        let along = lines(std::slice::from_ref(strip), &along);
+        if !along.is_empty() {
+            return along;
+        }
+    }
+    loops_of(strip, settings)
 }
 
 /// Parallel lines over open space, all in the direction `angle_rad`.
