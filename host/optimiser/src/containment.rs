@@ -6,7 +6,7 @@
 
 use super::Site;
 use super::band::{PoseTerm, System};
-use super::curve::{Basis, Knot, PassKnots, Units, blend};
+use super::curve::{Basis, Knot, PassKnots, Units, all_stay, blend};
 use super::sweep::Segment;
 use super::terms::Terms;
 use super::tool_scale::{ToolScale, Tooled};
@@ -276,17 +276,27 @@ impl<'a> Containment<'a> {
         }
     }
 
-    /// Adds the penalty of poses nearer to a wall than the margin.
+    /// Forgets the edges near spans: the knots are others now.
+    pub fn forget(&mut self, knots: usize) {
+        let nowhere = Near {
+            edges: Vec::new(),
+            sought_at: [[f64::INFINITY; 3]; 4],
+        };
+        self.near = vec![nowhere; knots];
+    }
+
+    /// Adds the penalty of poses nearer to a wall than the margin, except for spans whose knots all stay.
     pub fn add(
         &mut self,
         knots: &[Knot],
         passes: &[PassKnots],
+        stays: &[bool],
         wall: &Wall,
         terms: &mut Terms,
         system: &mut System,
     ) {
         for pass in passes.iter().filter(|pass| pass.free) {
-            for knot in pass.span_starts() {
+            for knot in pass.span_starts().filter(|&knot| !all_stay(stays, knot)) {
                 self.seek(&knots[knot..knot + 4], knot);
                 if self.near[knot].edges.is_empty() {
                     continue;

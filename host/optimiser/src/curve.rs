@@ -72,6 +72,8 @@ pub struct PassKnots {
     pub spans: usize,
     /// Whether it may move; its area counts either way.
     pub free: bool,
+    /// Whether it begins and ends within a pass: its first and last knots are not phantoms then.
+    pub cut: [bool; 2],
 }
 
 impl PassKnots {
@@ -84,6 +86,14 @@ impl PassKnots {
     pub fn span_starts(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.spans
     }
+}
+
+/// Whether none of the four knots of the span from `knot` on moves; with no `stays` all do.
+#[inline]
+pub fn all_stay(stays: &[bool], knot: usize) -> bool {
+    stays
+        .get(knot..knot + 4)
+        .is_some_and(|own| !own.contains(&false))
 }
 
 /// Units of the optimiser.
@@ -153,6 +163,7 @@ pub fn knots_of(passes: &[OptimisedPass], units: &Units) -> (Vec<Knot>, Vec<Pass
             first: knots.len(),
             spans: pass.control.len() - 1,
             free: pass.control.len() >= CONTROL_MIN,
+            cut: [false; 2],
         };
         let log_time = units.time_s.ln();
         knots.push([0.0; CHANNELS]);
@@ -172,8 +183,12 @@ pub fn set_phantoms(knots: &mut [Knot], pass: &PassKnots) {
     let (first, last) = (pass.first, pass.end() - 1);
     let beyond =
         |end: Knot, inner: Knot| -> Knot { std::array::from_fn(|c| 2.0 * end[c] - inner[c]) };
-    knots[first] = beyond(knots[first + 1], knots[first + 2]);
-    knots[last] = beyond(knots[last - 1], knots[last - 2]);
+    if !pass.cut[0] {
+        knots[first] = beyond(knots[first + 1], knots[first + 2]);
+    }
+    if !pass.cut[1] {
+        knots[last] = beyond(knots[last - 1], knots[last - 2]);
+    }
 }
 
 /// Writes the knots of one pass, phantoms included, back to it.

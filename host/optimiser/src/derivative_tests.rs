@@ -46,7 +46,7 @@ fn error_of(
     let ranges = search.newton.passes.clone();
     let mut system = System::new(CHANNELS * knots.len());
     term(&mut search, &knots, &mut system);
-    prepare(&mut system, &ranges);
+    prepare(&mut system, &ranges, &[]);
     let mut spare = System::new(CHANNELS * knots.len());
     let mut random = random_numbers(7);
     let (mut worst, mut greatest) = (0.0f64, 0.0f64);
@@ -102,7 +102,7 @@ fn slope_of_motion() {
         let mut terms = Terms::default();
         let ranges = search.newton.passes.clone();
         let motion = &search.newton.objectives.motion;
-        motion.add(knots, &ranges, 2.0, &mut terms, system);
+        motion.add(knots, &ranges, &[], 2.0, &mut terms, system);
         assert!(terms.excess > 1.0);
         terms.time + terms.excess + terms.smooth
     });
@@ -140,7 +140,7 @@ fn slope_of_containment() {
             let mut terms = Terms::default();
             let ranges = search.newton.passes.clone();
             let containment = &mut search.newton.objectives.containment;
-            containment.add(knots, &ranges, &wall, &mut terms, system);
+            containment.add(knots, &ranges, &[], &wall, &mut terms, system);
             assert!(terms.outside > 0.0);
             terms.outside
         });

@@ -43,6 +43,16 @@ impl<'a> Ground<'a> {
         }
     }
 
+    /// Only the cells within `reach` of these knots count from now on.
+    pub fn keep_near(&mut self, knots: &[Knot], reach: f64) {
+        self.sweep.keep_near(knots, reach);
+    }
+
+    /// How far the aperture reaches from its middle, a.
+    pub fn radius(&self) -> f64 {
+        self.sweep.radius()
+    }
+
     /// Sweeps all passes again.
     pub fn sweep(&mut self, knots: &[Knot], passes: &[PassKnots]) {
         self.sweep.run(knots, passes);

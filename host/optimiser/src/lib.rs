@@ -20,6 +20,7 @@ mod curves;
 mod ground;
 pub mod least_time;
 mod motion;
+mod moving;
 mod newton;
 pub mod pose_limits;
 mod projection;
@@ -28,14 +29,16 @@ mod terms;
 mod tool_scale;
 
 use self::containment::{Containment, segments_of};
-use self::curve::{Units, knots_of, write_back};
+use self::curve::{Knot, PassKnots, Units, knots_of, write_back};
 use self::curves::Curves;
 pub use self::curves::tight_mm;
 use self::ground::Ground;
 use self::motion::Motion;
+use self::moving::moving;
 use self::newton::{Newton, Objectives};
 use self::projection::{POSES_CHECKED, outside_mm, projected};
 use self::sweep::{Cells, Shape, Sweep, edge_half};
+use self::terms::Terms;
 use self::tool_scale::ToolScale;
 use crate::pose_limits::PoseLimits;
 use headway_geometry::aperture::Aperture;
@@ -48,6 +51,8 @@ use headway_geometry::polygon::Region;
 const KEPT_SHARE: f64 = 0.93;
 /// Points of a span at which walls are checked.
 const WALL_PLACES: usize = 8;
+/// Iterations with all knots; later ones have those that moved in these (trials: with two, knots that move late stay).
+const WHOLE_ITERATIONS: usize = 4;
 
 /// A pass as a uniform cubic B-spline with natural ends: phantom points P_{-1} = 2 P_0 - P_1 make it begin and end
 /// on its first and last control point, as [`headway_geometry::plane_curve`] has it.
@@ -151,19 +156,19 @@ pub fn optimise(
     objective: &Objective,
     effort: &Effort,
 ) -> OptimiseReport {
-    let mut search = match Search::begin(passes, site, objective) {
+    let search = match Search::begin(passes, site, objective) {
         Ok(search) if effort.iterations > 0 => search,
         Ok(_) => return OptimiseReport::unchanged(Outcome::Nothing, passes),
         Err(outcome) => return OptimiseReport::unchanged(outcome, passes),
     };
     let before = search.newton.terms;
-    search.newton.run(effort.iterations, |_, _| {});
+    let searched = search.run(effort.iterations);
     let mut report = OptimiseReport::unchanged(Outcome::Optimised, passes);
-    report.outside_mm = search.finish(passes, site);
-    let both = [before, search.newton.terms];
-    report.seconds = both.map(|terms| terms.time * search.units.time_s);
-    report.open_mm2 = both.map(|terms| terms.open * search.units.length_mm.powi(2));
-    report.twice_mm2 = both.map(|terms| terms.twice * search.units.length_mm.powi(2));
+    report.outside_mm = searched.finish(passes, site);
+    let both = [before, searched.terms];
+    report.seconds = both.map(|terms| terms.time * searched.units.time_s);
+    report.open_mm2 = both.map(|terms| terms.open * searched.units.length_mm.powi(2));
+    report.twice_mm2 = both.map(|terms| terms.twice * searched.units.length_mm.powi(2));
     report.iterations = effort.iterations;
     report
 }
@@ -212,21 +217,69 @@ impl<'a> Search<'a> {
             ground: Ground::new(sweep, price, objective.twice_share),
             containment: Containment::new(site, units, knots.len(), WALL_PLACES),
         };
-        let newton = Newton::new(objectives, knots, ranges);
+        let stays = vec![false; knots.len()];
+        let newton = Newton::new(objectives, knots, ranges, stays);
         if !newton.terms.sum().is_finite() {
             return Err(Outcome::NotFinite);
         }
         Ok(Search { units, newton })
     }
 
+    /// Makes the iterations: the first with all knots, the others with those that move.
+    fn run(self, count: usize) -> Searched {
+        let Search { units, mut newton } = self;
+        let passes = newton.passes.clone();
+        let mut knots = newton.knots.clone();
+        let first = count.min(WHOLE_ITERATIONS);
+        newton.run(1..=first, count, |_, _| {});
+        let radius = newton.objectives.ground.radius();
+        let moved = [&knots, &newton.knots];
+        // Rounding moves a knot little in each iteration, and far in all of them.
+        let part = (newton.objectives.curves.is_none() && first < count)
+            .then(|| moving(moved.map(Vec::as_slice), &passes, radius));
+        knots.clone_from(&newton.knots);
+        let mut terms = newton.terms;
+        if let Some(part) = part.flatten() {
+            newton = newton.narrowed(&part);
+            let before = newton.terms;
+            newton.run(first + 1..=count, count, |_, _| {});
+            for (&knot, own) in part.knots.iter().zip(&newton.knots) {
+                knots[knot] = *own;
+            }
+            terms.time += newton.terms.time - before.time;
+            terms.open += newton.terms.open - before.open;
+            terms.twice += newton.terms.twice - before.twice;
+        } else {
+            newton.run(first + 1..=count, count, |_, _| {});
+            (knots, terms) = (newton.knots, newton.terms);
+        }
+        Searched {
+            units,
+            knots,
+            passes,
+            terms,
+        }
+    }
+}
+
+/// The solution of a region.
+struct Searched {
+    units: Units,
+    knots: Vec<Knot>,
+    passes: Vec<PassKnots>,
+    /// Seconds and areas by the optimiser's count.
+    terms: Terms,
+}
+
+impl Searched {
     /// Writes the passes back, brought inside the walls; how far each is outside before that and after it, mm.
-    fn finish(&mut self, passes: &mut [OptimisedPass], site: &Site) -> Vec<[f64; 2]> {
-        let knots = &self.newton.knots;
+    fn finish(&self, passes: &mut [OptimisedPass], site: &Site) -> Vec<[f64; 2]> {
+        let knots = &self.knots;
         let mut outside = vec![[0.0; 2]; passes.len()];
         // Between the poses that are checked, too: where an end turns on the spot a corner bulges from one to the next.
         let places = 2 * POSES_CHECKED;
         let mut containment = Containment::new(site, self.units, knots.len(), places);
-        for range in self.newton.passes.iter().filter(|range| range.free) {
+        for range in self.passes.iter().filter(|range| range.free) {
             let pass = &mut passes[range.pass];
             let own = &knots[range.first..range.end()];
             write_back(own, &self.units, pass);
@@ -248,6 +301,8 @@ impl<'a> Search<'a> {
 
 #[cfg(test)]
 mod derivative_tests;
+#[cfg(test)]
+mod moving_tests;
 #[cfg(test)]
 mod test_passes;
 #[cfg(test)]

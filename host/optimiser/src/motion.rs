@@ -6,7 +6,7 @@
 //! 3 w' q'' - w'' q' + 2 w'² q'): path and time law are one problem. Not covered: flow.
 
 use super::band::System;
-use super::curve::{Basis, CHANNELS, Knot, PACE, PassKnots, Units, blend};
+use super::curve::{Basis, CHANNELS, Knot, PACE, PassKnots, Units, all_stay, blend};
 use super::terms::Terms;
 use crate::pose_limits::PoseLimits;
 
@@ -109,17 +109,18 @@ impl Motion {
         }
     }
 
-    /// Adds time, excess over limits weighed by `hardness`, and regularising terms.
+    /// Adds time, excess over limits weighed by `hardness`, and regularising terms, except for spans whose knots all stay.
     pub fn add(
         &self,
         knots: &[Knot],
         passes: &[PassKnots],
+        stays: &[bool],
         hardness: f64,
         terms: &mut Terms,
         system: &mut System,
     ) {
         for pass in passes {
-            for knot in pass.span_starts() {
+            for knot in pass.span_starts().filter(|&knot| !all_stay(stays, knot)) {
                 let is_last = knot + 1 == pass.first + pass.spans;
                 let mut sums = SpanSums::default();
                 let count = PLACES + usize::from(is_last);

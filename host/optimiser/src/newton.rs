@@ -9,7 +9,9 @@ use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
 use super::curves::Curves;
 use super::ground::Ground;
 use super::motion::Motion;
+use super::moving::Moving;
 use super::terms::Terms;
+use std::ops::RangeInclusive;
 
 /// Weight of limits, price of poses outside and blur of the area's price: from soft to hard.
 const LIMITS: [f64; 2] = [2.0, 100.0];
@@ -96,16 +98,18 @@ pub struct Objectives<'a> {
 }
 
 impl Objectives<'_> {
-    /// Value at these knots; `system` becomes gradient and curvature.
+    /// Value at these knots; `system` becomes gradient and curvature. Motion and walls of spans whose knots all stay do not
+    /// count.
     pub fn evaluate(
         &mut self,
         knots: &[Knot],
         passes: &[PassKnots],
+        stays: &[bool],
         hardness: &Hardness,
         system: &mut System,
     ) -> Terms {
         self.ground.sweep(knots, passes);
-        self.weigh(knots, passes, hardness, system)
+        self.weigh(knots, passes, stays, hardness, system)
     }
 
     /// The same where these knots were swept last.
@@ -113,20 +117,21 @@ impl Objectives<'_> {
         &mut self,
         knots: &[Knot],
         passes: &[PassKnots],
+        stays: &[bool],
         hardness: &Hardness,
         system: &mut System,
     ) -> Terms {
         let mut terms = Terms::default();
         system.clear();
         self.motion
-            .add(knots, passes, hardness.limits, &mut terms, system);
+            .add(knots, passes, stays, hardness.limits, &mut terms, system);
         // They begin within their bound, and a soft bound would let them into a corner from which they do not return.
         if let Some(curves) = &self.curves {
             curves.add(knots, passes, CURVES, &mut terms, system);
         }
         self.ground.add(hardness.blur, &mut terms, system);
         self.containment
-            .add(knots, passes, &hardness.wall, &mut terms, system);
+            .add(knots, passes, stays, &hardness.wall, &mut terms, system);
         terms
     }
 }
@@ -139,6 +144,8 @@ pub struct Newton<'a> {
     pub passes: Vec<PassKnots>,
     /// Where it is.
     pub knots: Vec<Knot>,
+    /// Knots that stay where they are.
+    stays: Vec<bool>,
     system: System,
     /// What the objective is there.
     pub terms: Terms,
@@ -163,14 +170,16 @@ impl<'a> Newton<'a> {
         mut objectives: Objectives<'a>,
         knots: Vec<Knot>,
         passes: Vec<PassKnots>,
+        stays: Vec<bool>,
     ) -> Newton<'a> {
         let unknowns = CHANNELS * knots.len();
         let mut system = System::new(unknowns);
         let hardness = Hardness::at(0);
-        let terms = objectives.evaluate(&knots, &passes, &hardness, &mut system);
-        prepare(&mut system, &passes);
+        let terms = objectives.evaluate(&knots, &passes, &stays, &hardness, &mut system);
+        prepare(&mut system, &passes, &stays);
         Newton {
             objectives,
+            stays,
             passes,
             trial: Trial {
                 knots: knots.clone(),
@@ -188,9 +197,14 @@ impl<'a> Newton<'a> {
     }
 
     /// Makes `count` iterations; `watch` sees each.
-    pub fn run(&mut self, count: usize, mut watch: impl FnMut(usize, &Terms)) {
+    pub fn run(
+        &mut self,
+        numbers: RangeInclusive<usize>,
+        count: usize,
+        mut watch: impl FnMut(usize, &Terms),
+    ) {
         let mut level = 0;
-        for number in 1..=count {
+        for number in numbers {
             let wanted = Hardness::level(number, count);
             if wanted != level {
                 level = wanted;
@@ -203,6 +217,27 @@ impl<'a> Newton<'a> {
         }
     }
 
+    /// The smaller problem of what still moves, in the state of this one.
+    pub fn narrowed(self, part: &Moving) -> Newton<'a> {
+        let Newton {
+            mut objectives,
+            knots,
+            damping,
+            ..
+        } = self;
+        let own: Vec<Knot> = part.knots.iter().map(|&knot| knots[knot]).collect();
+        let moving: Vec<Knot> = (own.iter().zip(&part.stays))
+            .filter(|(_, stays)| !**stays)
+            .map(|(knot, _)| *knot)
+            .collect();
+        objectives.ground.keep_near(&moving, part.reach);
+        objectives.containment.forget(own.len());
+        Newton {
+            damping,
+            ..Newton::new(objectives, own, part.passes.clone(), part.stays.clone())
+        }
+    }
+
     /// The objective with harder limits.
     fn harden(&mut self, level: usize) {
         self.hardness = Hardness::at(level);
@@ -211,10 +246,10 @@ impl<'a> Newton<'a> {
             self.objectives.ground.sweep(knots, passes);
             self.is_swept = true;
         }
-        self.terms = self
-            .objectives
-            .weigh(knots, passes, &self.hardness, &mut self.system);
-        prepare(&mut self.system, &self.passes);
+        self.terms =
+            self.objectives
+                .weigh(knots, passes, &self.stays, &self.hardness, &mut self.system);
+        prepare(&mut self.system, &self.passes, &self.stays);
         self.damping = self.damping.min(1.0);
         self.recent.clear();
         self.recent.push(self.terms.sum());
@@ -231,6 +266,7 @@ impl<'a> Newton<'a> {
         let terms = self.objectives.evaluate(
             &trial.knots,
             &self.passes,
+            &self.stays,
             &self.hardness,
             &mut trial.system,
         );
@@ -253,7 +289,7 @@ impl<'a> Newton<'a> {
         self.recent.push(terms.sum());
         std::mem::swap(&mut self.knots, &mut trial.knots);
         std::mem::swap(&mut self.system, &mut trial.system);
-        prepare(&mut self.system, &self.passes);
+        prepare(&mut self.system, &self.passes, &self.stays);
         self.terms = terms;
         self.damping = DAMPING_MIN.max(self.damping * DAMPING_FALL);
         true
@@ -261,16 +297,25 @@ impl<'a> Newton<'a> {
 }
 
 /// Removes phantoms and fixed knots from the unknowns.
-pub fn prepare(system: &mut System, passes: &[PassKnots]) {
+pub fn prepare(system: &mut System, passes: &[PassKnots], stays: &[bool]) {
     for pass in passes {
         let (first, end) = (pass.first, pass.end());
         if pass.free {
-            system.fold(first, [first, first + 1, first + 2]);
-            system.fold(end - 4, [end - 1, end - 2, end - 3]);
+            if !pass.cut[0] {
+                system.fold(first, [first, first + 1, first + 2]);
+            }
+            if !pass.cut[1] {
+                system.fold(end - 4, [end - 1, end - 2, end - 3]);
+            }
         } else {
             for unknown in CHANNELS * first..CHANNELS * end {
                 system.pin(unknown);
             }
+        }
+    }
+    for (knot, _) in stays.iter().enumerate().filter(|(_, stays)| **stays) {
+        for channel in 0..CHANNELS {
+            system.pin(CHANNELS * knot + channel);
         }
     }
 }

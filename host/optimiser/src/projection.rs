@@ -130,7 +130,7 @@ fn evaluate(
     };
     system.clear();
     let passes = std::slice::from_ref(pass);
-    containment.add(knots, passes, &wall, &mut terms, system);
-    prepare(system, passes);
+    containment.add(knots, passes, &[], &wall, &mut terms, system);
+    prepare(system, passes, &[]);
     terms.outside
 }

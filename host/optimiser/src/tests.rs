@@ -306,9 +306,9 @@ fn projection_brings_a_pass_inside() {
     let mut passes = [pass.clone()];
     let limits = limits();
     let site = site(&bar, &ELLIPSE, &limits);
-    let mut search = Search::begin(&passes, &site, &objective(0.6))
+    let search = Search::begin(&passes, &site, &objective(0.6))
         .unwrap_or_else(|outcome| panic!("{outcome:?}"));
-    let [before_mm, after_mm] = search.finish(&mut passes, &site)[0];
+    let [before_mm, after_mm] = search.run(0).finish(&mut passes, &site)[0];
     assert!((before_mm - 0.005).abs() < 3e-4, "{before_mm}");
     assert!(after_mm < 1e-4, "{after_mm}");
     assert_eq!(after_mm, outside_mm(&passes[0], &site));

@@ -205,6 +205,38 @@ impl Cells {
         }
     }
 
+    /// Drops all cells but those within `reach` of one of these points of the grid's frame.
+    pub fn keep_near(&mut self, points: impl Iterator<Item = [f32; 2]>, reach: f32) {
+        let mut kept = vec![false; self.wall_cover.len()];
+        for [x, y] in points {
+            for row in self.rows_in(y - reach, y + reach) {
+                let up = self.middle(row, 1) as f32 - y;
+                let aside = (reach * reach - up * up).max(0.0).sqrt();
+                let columns = self.columns_in(x - aside, x + aside);
+                for &number in &self.numbers[row * self.columns..][columns] {
+                    if number != OUTSIDE {
+                        kept[number as usize] = true;
+                    }
+                }
+            }
+        }
+        let mut count = 0;
+        for number in &mut self.numbers {
+            let Some(old) = (*number != OUTSIDE).then_some(*number as usize) else {
+                continue;
+            };
+            *number = match kept[old] {
+                true => {
+                    self.wall_cover[count] = self.wall_cover[old];
+                    count += 1;
+                    count as u32 - 1
+                }
+                false => OUTSIDE,
+            };
+        }
+        self.wall_cover.truncate(count);
+    }
+
     /// Columns whose middles are in a range of x.
     #[inline]
     pub fn columns_in(&self, low: f32, high: f32) -> std::ops::Range<usize> {
@@ -299,6 +331,15 @@ impl Visits {
             newest: vec![Visit::NONE; cells],
             older: Vec::new(),
             apart: return_path - RETURN_RAMP,
+        }
+    }
+
+    /// Of another number of cells.
+    pub fn for_cells(&self, cells: usize) -> Visits {
+        Visits {
+            newest: vec![Visit::NONE; cells],
+            older: Vec::new(),
+            apart: self.apart,
         }
     }
 

@@ -186,6 +186,26 @@ impl<'a> Sweep<'a> {
         }
     }
 
+    /// How far the aperture reaches from its middle, a, by the poses swept last.
+    pub fn radius(&self) -> f64 {
+        let points = self
+            .shape
+            .outline()
+            .iter()
+            .map(|at| dot(at.point, at.point));
+        let own = points.fold(0.0, f32::max).sqrt();
+        let size = self.poses.iter().map(|pose| pose.size).fold(0.0, f32::max);
+        f64::from(own * size)
+    }
+
+    /// Only the cells within `reach` of these knots count from now on.
+    pub fn keep_near(&mut self, knots: &[Knot], reach: f64) {
+        let centers = knots.iter().map(|knot| to_grid(self.scale.at(knot).center));
+        self.cells
+            .keep_near(centers.map(|at| at.map(|c| c as f32)), reach as f32);
+        self.visits = self.visits.for_cells(self.cells.wall_cover.len());
+    }
+
     /// Sweeps all passes again.
     pub fn run(&mut self, knots: &[Knot], passes: &[PassKnots]) {
         self.poses.clear();

@@ -1,0 +1,186 @@
+//! The part of a region that the optimiser still moves.
+//!
+//! In: knots at two times of the iterations. Out: the knots that moved across their path or turned between them, with
+//! those next to them, and the windows of the passes around these: a smaller problem, whose other knots stay. Long straight beads
+//! that fit their walls do not move after the first iterations. Lengths are in a.
+
+use super::curve::{Knot, PassKnots};
+use std::ops::Range;
+
+/// Displacement across the path from which a knot moves, a; and turn at its place, rad.
+const ACROSS_MIN: f64 = 0.004;
+const TURN_MIN: f64 = 0.008;
+/// Knots next to one that moves that may move with it, on both sides along the path.
+const BESIDE: usize = 6;
+/// Knots at the ends of a pass that always move.
+const AT_ENDS: usize = 8;
+/// Path between two windows of a pass, a: a return over more counts in full, so that its exact length has no effect.
+const APART: f64 = 4.0;
+/// Cells that count are this much farther from a moving knot than the aperture reaches, a.
+const ROOM: f64 = 0.25;
+/// Side of a square in which poses near those cells are looked up, a.
+const SQUARE: f64 = 0.25;
+/// Most squares: beyond that they grow.
+const SQUARES_MAX: f64 = 16e6;
+/// Share of the knots that must stay. With fewer, it saves little, and small gains of many iterations are lost (trials).
+const STAYING_MIN: f64 = 2.0 / 3.0;
+
+/// The smaller problem.
+#[derive(Clone, Debug)]
+pub struct Moving {
+    /// The passes' windows, numbered by the knots of the part.
+    pub passes: Vec<PassKnots>,
+    /// For each knot of the part its number in the whole.
+    pub knots: Vec<usize>,
+    /// For each knot of the part whether it stays.
+    pub stays: Vec<bool>,
+    /// Distance from a moving knot within which cells count, a.
+    pub reach: f64,
+}
+
+/// The part that moved between two times; `None` if that is almost all. The aperture reaches `radius` from its middle.
+pub fn moving([before, now]: [&[Knot]; 2], passes: &[PassKnots], radius: f64) -> Option<Moving> {
+    let mut moves = vec![false; now.len()];
+    for pass in passes.iter().filter(|pass| pass.free) {
+        let range = pass.first..pass.end();
+        let moved: Vec<bool> = range
+            .clone()
+            .map(|k| has_moved(before, now, k, pass))
+            .collect();
+        for (at, _) in moved.iter().enumerate().filter(|(_, moved)| **moved) {
+            let from = at.saturating_sub(BESIDE);
+            let to = (at + BESIDE + 1).min(moved.len());
+            moves[range.start + from..range.start + to].fill(true);
+        }
+    }
+    let staying = moves.iter().filter(|moves| !**moves).count();
+    if (staying as f64) < STAYING_MIN * now.len() as f64 {
+        return None;
+    }
+    let reach = radius + ROOM;
+    let near = near(now, &moves, reach + radius + SQUARE);
+    let mut part = Moving {
+        passes: Vec::new(),
+        knots: Vec::new(),
+        stays: Vec::new(),
+        reach,
+    };
+    for pass in passes {
+        for window in windows(now, &near, pass) {
+            let first = part.knots.len();
+            part.passes.push(PassKnots {
+                first,
+                spans: window.len() - 3,
+                cut: [
+                    pass.cut[0] || window.start > pass.first,
+                    pass.cut[1] || window.end < pass.end(),
+                ],
+                ..*pass
+            });
+            part.stays.extend(window.clone().map(|knot| !moves[knot]));
+            part.knots.extend(window);
+        }
+    }
+    (!part.passes.is_empty()).then_some(part)
+}
+
+/// Whether a knot moved across the path, or the heading at its place changed.
+fn has_moved(before: &[Knot], now: &[Knot], knot: usize, pass: &PassKnots) -> bool {
+    if knot < pass.first + AT_ENDS || knot + AT_ENDS >= pass.end() {
+        return true;
+    }
+    let (ahead, behind) = (&before[knot + 1], &before[knot - 1]);
+    let way = [ahead[0] - behind[0], ahead[1] - behind[1]];
+    let length = way[0].hypot(way[1]).max(1e-9);
+    let moved = [
+        now[knot][0] - before[knot][0],
+        now[knot][1] - before[knot][1],
+    ];
+    let across = (way[0] * moved[1] - way[1] * moved[0]) / length;
+    let along = (way[0] * moved[0] + way[1] * moved[1]) / length;
+    let turn = now[knot][2] - before[knot][2] - (ahead[2] - behind[2]) / length * along;
+    across.abs() > ACROSS_MIN || turn.abs() > TURN_MIN
+}
+
+/// Knots within `reach` of a moving one, or up to two squares farther.
+fn near(knots: &[Knot], moves: &[bool], reach: f64) -> Vec<bool> {
+    let squares = Squares::around(knots);
+    let [columns, rows] = squares.counts;
+    let mut held = vec![false; columns * rows];
+    for (knot, _) in knots.iter().zip(moves).filter(|(_, moves)| **moves) {
+        held[squares.number(knot)] = true;
+    }
+    let steps = (reach / squares.side) as usize + 1;
+    let mut grown = vec![false; columns * rows];
+    for (at, _) in held.iter().enumerate().filter(|(_, held)| **held) {
+        let (column, row) = (at % columns, at / columns);
+        for other in row.saturating_sub(steps)..(row + steps + 1).min(rows) {
+            let up = (row.abs_diff(other) as f64 - 1.0).max(0.0) * squares.side;
+            let aside = ((reach * reach - up * up).max(0.0).sqrt() / squares.side) as usize + 1;
+            let from = column.saturating_sub(aside);
+            let to = (column + aside + 1).min(columns);
+            grown[other * columns + from..other * columns + to].fill(true);
+        }
+    }
+    let is_near = |knot| grown[squares.number(knot)];
+    knots.iter().map(is_near).collect()
+}
+
+/// Squares of the box around the knots.
+struct Squares {
+    low: [f64; 2],
+    side: f64,
+    counts: [usize; 2],
+}
+
+impl Squares {
+    fn around(knots: &[Knot]) -> Squares {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for knot in knots {
+            for c in 0..2 {
+                low[c] = low[c].min(knot[c]);
+                high[c] = high[c].max(knot[c]);
+            }
+        }
+        let size = [0, 1].map(|c| high[c] - low[c]);
+        let longest = size[0].max(size[1]);
+        let least = (longest / SQUARES_MAX.sqrt()).max((size[0] * size[1] / SQUARES_MAX).sqrt());
+        let side = SQUARE.max(least);
+        Squares {
+            low,
+            side,
+            counts: size.map(|size| (size / side) as usize + 1),
+        }
+    }
+
+    fn number(&self, knot: &Knot) -> usize {
+        let [column, row] = [0, 1].map(|c| {
+            // A cast saturates; NaN is 0.
+            (((knot[c] - self.low[c]) / self.side) as usize).min(self.counts[c] - 1)
+        });
+        row * self.counts[0] + column
+    }
+}
+
+/// The windows of a pass around its spans with a knot that is near.
+fn windows(knots: &[Knot], near: &[bool], pass: &PassKnots) -> Vec<Range<usize>> {
+    let mut windows: Vec<Range<usize>> = Vec::new();
+    for span in pass
+        .span_starts()
+        .filter(|&span| near[span..span + 4].contains(&true))
+    {
+        match windows.last_mut() {
+            Some(last) if length(knots, last.end, span) < APART => last.end = span + 4,
+            _ => windows.push(span..span + 4),
+        }
+    }
+    windows
+}
+
+/// Length of the path through these knots, a.
+fn length(knots: &[Knot], from: usize, to: usize) -> f64 {
+    let pairs = knots[from.min(to)..=to].windows(2);
+    pairs
+        .map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]))
+        .sum()
+}
