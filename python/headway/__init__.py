@@ -12,6 +12,8 @@ where and what helps.
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import html
 import importlib
 import json
@@ -20,7 +22,7 @@ import pathlib
 import tempfile
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Optional, Union
+from typing import TYPE_CHECKING, Any, NamedTuple, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -74,17 +76,20 @@ if TYPE_CHECKING:
 
 __all__ = [
     "STATES",
+    "Block",
     "HeadwayError",
     "Job",
     "JobError",
     "OptionsError",
     "PartError",
     "PlanError",
+    "Shard",
     "__version__",
     "plan",
     "plan_file",
     "plan_mesh",
     "plan_path",
+    "plan_shard",
     "plan_surface",
     "read_job",
 ]
@@ -101,6 +106,25 @@ _Rings = list[list[tuple[float, float]]]
 #: A notebook keeps what its cells show: of larger pages it is given the verdict.
 _INLINE_BYTES_MAX = 4_000_000
 _INLINE_HEIGHT_PX = 900
+
+
+class Block(NamedTuple):
+    """A block of layers, planned together."""
+
+    number: int
+    #: From 1.
+    first_layer: int
+    last_layer: int
+    #: It was in the cache before.
+    was_known: bool
+
+
+class Shard(NamedTuple):
+    """A planned share of a mesh's blocks."""
+
+    own: list[Block]
+    #: Number of the mesh's blocks.
+    blocks: int
 
 
 class Job:
@@ -357,12 +381,14 @@ def plan_file(
     scale: float = 1.0,
     repair: bool = False,
     surface: Optional[PathLike] = None,
+    cache: Optional[PathLike] = None,
     **options: Unpack[Options],
 ) -> Job:
     """Plans a file: polygon JSON, GeoJSON, SVG, DXF, STL, 3MF, OBJ, waypoints, NURBS or G-code, by its ending.
 
     ``units`` (mm, cm, m, um, in) and ``scale`` are of its coordinates, ``repair`` mends crossings and open
-    contours by the fill rule; ``surface`` is a mesh on which an outline is laid as seen from above. The options are
+    contours by the fill rule; ``surface`` is a mesh on which an outline is laid as seen from above. ``cache`` is a
+    folder of planned blocks of a mesh's layers, as of :func:`plan_mesh`. The options are
     those of :func:`plan`, and of meshes ``first_layer_height_mm`` and ``layer_range`` (first and last, from 1) and
     ``curved_layers`` ("auto", "all", "skin", "skin:3": layers that follow the tops), of runs of waypoints ``gap_mm``, ``corner_tolerance_mm`` and ``place`` ("centre", "best").
     """
@@ -372,7 +398,7 @@ def plan_file(
     part = _headway.Part.from_bytes(stem, ending, _read(path), reading)
     if surface is not None:
         part = part.on_surface(_named(surface)[1], _read(surface), {"units": units, "scale": scale})
-    return _planned(part, machine, keep_out, at_mm, progress, given)
+    return _planned(part, machine, keep_out, at_mm, progress, given, cache)
 
 
 def plan_mesh(
@@ -383,16 +409,55 @@ def plan_mesh(
     keep_out: Any = None,
     at_mm: Optional[Sequence[float]] = None,
     progress: Optional[Progress] = None,
+    cache: Optional[PathLike] = None,
     **options: Unpack[Options],
 ) -> Job:
     """Plans a solid in mm, layer by layer.
 
     ``mesh`` is anything with ``vertices`` (n x 3) and ``faces`` (m x 3), as a ``trimesh.Trimesh``, or a pair of such
-    arrays. It is closed and mended as a file is. The rest is as in :func:`plan_file`.
+    arrays. It is closed and mended as a file is. ``cache`` is a folder in which planned blocks of layers are kept: those
+    that are there, also of :func:`plan_shard` on other machines, are not planned again. The job is the same, byte for
+    byte. The rest is as in :func:`plan_file`.
     """
     given = _known(options, "plan_mesh")
     part = _headway.Part.from_bytes(name, "stl", _stl(mesh), {})
-    return _planned(part, machine, keep_out, at_mm, progress, given)
+    return _planned(part, machine, keep_out, at_mm, progress, given, cache)
+
+
+def plan_shard(
+    mesh: Any,
+    shard: tuple[int, int],
+    *,
+    cache: PathLike,
+    machine: Optional[Machine] = None,
+    keep_out: Any = None,
+    at_mm: Optional[Sequence[float]] = None,
+    progress: Optional[Progress] = None,
+    units: Optional[str] = None,
+    scale: float = 1.0,
+    repair: bool = False,
+    **options: Unpack[Options],
+) -> Shard:
+    """Plans a share of a mesh's blocks of layers into ``cache``, on several machines at once; makes no job.
+
+    ``mesh`` is a file's path as in :func:`plan_file`, or what :func:`plan_mesh` takes; ``shard`` is ``(3, 8)`` for the
+    third of eight shares. That function with the same mesh, options and ``cache`` then takes all blocks from the
+    folder. All machines need the same build of the package.
+    """
+    given = _known(options, "plan_shard")
+    if isinstance(mesh, (str, os.PathLike)):
+        reading = {"units": units, "scale": scale, "repair": repair, "flatten_mm": given.get("tolerance_mm")}
+        part = _headway.Part.from_bytes(*_named(mesh), _read(mesh), reading)
+    elif (units, scale, repair) != (None, 1.0, False):
+        raise TypeError("units, scale and repair go with a file's path")
+    else:
+        part = _headway.Part.from_bytes("part", "stl", _stl(mesh), {})
+    number, count = shard
+    part = _placed(part, keep_out, at_mm, progress)
+    own, blocks = _headway.plan_shard(
+        part, _machine_text(machine), given, progress, _kept(cache), [int(number), int(count)]
+    )
+    return Shard([Block(*block) for block in own], blocks)
 
 
 def plan_surface(
@@ -597,14 +662,38 @@ def _planned(
     at_mm: Optional[Sequence[float]],
     progress: Optional[Progress],
     options: dict[str, Any],
+    cache: Optional[PathLike] = None,
 ) -> Job:
+    part = _placed(part, keep_out, at_mm, progress)
+    kept = None if cache is None else _kept(cache)
+    return Job(_headway.plan(part, _machine_text(machine), options, progress, kept))
+
+
+def _placed(
+    part: _headway.Part,
+    keep_out: Any,
+    at_mm: Optional[Sequence[float]],
+    progress: Optional[Progress],
+) -> _headway.Part:
     if progress is not None and not callable(progress):
         raise TypeError("progress is no function: give one of stage, done and total")
     if keep_out is not None:
         part = part.keeping_out(_headway.Part.from_polygons("keep_out", _polygons(keep_out)))
     if at_mm is not None:
         part = part.placed_at([float(number) for number in at_mm])
-    return Job(_headway.plan(part, _machine_text(machine), options, progress))
+    return part
+
+
+def _kept(cache: PathLike) -> tuple[str, str]:
+    """The folder of planned blocks, and the program that plans."""
+    return os.fspath(cache), _program()
+
+
+@functools.lru_cache(maxsize=None)
+def _program() -> str:
+    """The planner by what it consists of: blocks of another build are not used."""
+    library = _headway.__file__
+    return f"python {__version__} {hashlib.sha256(_read(library) if library else b'').hexdigest()}"
 
 
 def _read(path: PathLike) -> bytes:

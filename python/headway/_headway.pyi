@@ -48,4 +48,13 @@ def plan(
     machine: Optional[str],
     given: dict[str, Any],
     progress: Optional[Callable[[str, int, int], Any]],
+    kept: Optional[tuple[str, str]],
 ) -> Job: ...
+def plan_shard(
+    part: Part,
+    machine: Optional[str],
+    given: dict[str, Any],
+    progress: Optional[Callable[[str, int, int], Any]],
+    kept: tuple[str, str],
+    shard: Sequence[int],
+) -> tuple[list[tuple[int, int, int, bool]], int]: ...

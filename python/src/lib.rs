@@ -5,6 +5,7 @@
 //! interpreter; whoever called waits, tells progress and looks for signals. Every failure is an
 //! exception, a panic of the planner too. Leaves out the shapes of geometry, which the Python half reads.
 
+mod blocks;
 mod options;
 mod planning;
 
@@ -347,5 +348,6 @@ fn _headway(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("JobError", py.get_type::<JobError>())?;
     module.add_class::<Part>()?;
     module.add_class::<Job>()?;
-    module.add_function(wrap_pyfunction!(planning::plan, module)?)
+    module.add_function(wrap_pyfunction!(planning::plan, module)?)?;
+    module.add_function(wrap_pyfunction!(planning::plan_shard, module)?)
 }

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// Options that are none of the planner's but of the input's place and reading, as the command calls them.
-const OTHERS: [(&str, &str); 12] = [
+const OTHERS: [(&str, &str); 14] = [
     ("curved-layers", "curved_layers"),
     ("first-layer-height", "first_layer_height_mm"),
     ("corner-tolerance", "corner_tolerance_mm"),
@@ -25,6 +25,8 @@ const OTHERS: [(&str, &str); 12] = [
     ("repair", "repair"),
     ("units", "units"),
     ("at", "at_mm"),
+    ("cache", "cache"),
+    ("shard", "shard"),
 ];
 
 /// A text of the library with keywords in place of the command's options.

@@ -359,6 +359,57 @@ def test_a_mesh_of_arrays_is_planned():
         headway.plan_mesh((corners, faces), layers=3)
 
 
+def test_blocks_of_a_mesh_are_kept_and_planned_in_shares(tmp_path):
+    corners, faces = box((8, 6, 3.4))
+    # No two layers alike: four blocks and more.
+    corners[corners[:, 2] > 0, 0] *= 0.8
+    mesh, kept = (corners, faces), tmp_path / "kept"
+    options = dict(layer_height_mm=0.2, quality="fast", walls=1, infill_density_pct=30)
+    alone = headway.plan_mesh(mesh, **options)
+    planned = headway.plan_shard(mesh, (2, 2), cache=kept, **options)
+    assert planned.blocks >= 2 and planned.own[0].number == 2
+    assert [block.number for block in planned.own] == list(range(2, planned.blocks + 1, 2))
+    assert not any(block.was_known for block in planned.own)
+    files = set(os.listdir(kept))
+    assert len(files) == len(planned.own)
+    # One share is lost, one file is damaged: the job is the same, and says so.
+    first = kept / sorted(files)[0]
+    first.write_bytes(first.read_bytes()[:-9])
+    stages = []
+    job = headway.plan_mesh(mesh, cache=kept, progress=lambda *step: stages.append(step), **options)
+    assert job.to_bytes() == alone.to_bytes()
+    assert [note for note in job.notes if "damaged" in note] and files < set(os.listdir(kept))
+    assert not [note for note in alone.notes if "damaged" in note]
+    # All are there now, whatever the shares: nothing is planned, and no stage of planning is reported.
+    again = headway.plan_shard(mesh, (1, 1), cache=kept, **options)
+    assert len(again.own) == again.blocks == planned.blocks and all(block.was_known for block in again.own)
+    assert again.own[-1].last_layer == 17 and pickle.loads(pickle.dumps(again)) == again
+    fewer = []
+    whole = headway.plan_mesh(mesh, cache=str(kept), progress=lambda *step: fewer.append(step), **options)
+    assert whole.to_bytes() == alone.to_bytes()
+    assert len(fewer) < len(stages)
+    # Another setting has other blocks.
+    headway.plan_mesh(mesh, cache=kept, **{**options, "speed_mm_s": 41})
+    assert len(os.listdir(kept)) == 2 * planned.blocks
+
+
+def test_shares_that_are_none_are_refused(tmp_path):
+    mesh = box((8, 6, 0.6))
+    for shard in [(0, 3), (4, 3), (1, 0)]:
+        with pytest.raises(headway.OptionsError, match="number of shares"):
+            headway.plan_shard(mesh, shard, cache=tmp_path)
+    with pytest.raises(headway.OptionsError, match="flat layers"):
+        headway.plan_shard(str(EXAMPLES / "gear.json"), (1, 2), cache=tmp_path)
+    with pytest.raises(headway.OptionsError, match="cache goes with a mesh in flat layers"):
+        headway.plan_mesh(mesh, cache=tmp_path, curved_layers="all")
+    with pytest.raises(TypeError, match="file's path"):
+        headway.plan_shard(mesh, (1, 2), cache=tmp_path, units="in")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file"):
+        headway.plan_mesh(mesh, cache=tmp_path / "file")
+    assert os.listdir(tmp_path) == ["file"]
+
+
 def test_a_surface_is_planned_as_by_the_command(tmp_path):
     machine = str(EXAMPLES / "machines" / "gantry.toml")
     by_command = tmp_path / "command.hwj"

@@ -322,14 +322,55 @@ impl EdgeIndex {
             return false;
         }
         let row = self.clamp_row((p.y - low.y) / self.cell_mm);
-        let column = self.clamp_column((p.x - low.x) / self.cell_mm);
+        self.contains_in_row(p, row, self.references())
+    }
+
+    /// [`EdgeIndex::contains`] of the points `at(0)` to `at(count - 1)`, all at the same y: the numbers of those inside.
+    pub fn for_contained(
+        &self,
+        y: f64,
+        count: usize,
+        at: impl Fn(usize) -> Point2,
+        mut found: impl FnMut(usize),
+    ) {
+        let (low, high) = (self.bounds.min, self.bounds.max);
+        if !self.cell_mm.is_finite() {
+            (0..count)
+                .filter(|&number| self.contains(at(number)))
+                .for_each(found);
+            return;
+        }
+        if !(y >= low.y && y <= high.y) {
+            return;
+        }
+        let row = self.clamp_row((y - low.y) / self.cell_mm);
+        let references = self.references();
+        for number in 0..count {
+            let p = at(number);
+            if p.x >= low.x && p.x <= high.x && self.contains_in_row(p, row, references) {
+                found(number);
+            }
+        }
+    }
+
+    fn references(&self) -> &[bool] {
+        self.reference_inside
+            .get_or_init(|| self.references_inside())
+    }
+
+    /// Of a point within the bounds, in this row of cells.
+    #[inline]
+    fn contains_in_row(&self, p: Point2, row: usize, references: &[bool]) -> bool {
+        let column = self.clamp_column((p.x - self.bounds.min.x) / self.cell_mm);
         let cell = row * self.columns + column;
+        let mut inside = references[cell];
+        let (from, to) = (self.first[cell] as usize, self.first[cell + 1] as usize);
+        if from == to {
+            return inside;
+        }
         let reference = self.reference(column, row);
         let way = reference - p;
-        let mut inside = self
-            .reference_inside
-            .get_or_init(|| self.references_inside())[cell];
-        for &number in &self.items[self.first[cell] as usize..self.first[cell + 1] as usize] {
+        for &number in &self.items[from..to] {
             let Edge { a, b } = self.edges[number as usize];
             if (way.perp(&(a - p)) > 0.0) != (way.perp(&(b - p)) > 0.0) {
                 let along = b - a;
@@ -422,6 +463,31 @@ mod tests {
         let points: Vec<[f64; 2]> = points.iter().map(|p| [far + p[0], far - p[1]]).collect();
         let region = region(&[&points]);
         region.edges().map(|(a, b)| Edge { a, b }).collect()
+    }
+
+    /// Goal: rows of points are told from outside as each point alone is. Method: rows within and beside the bounds, along
+    /// an edge too, for cells of any size.
+    #[test]
+    fn rows_agree_with_points() {
+        let square = [[0.0, 0.0], [8.0, 0.0], [8.0, 6.0], [0.0, 6.0]];
+        let square = region(&[&square]);
+        let square = square.edges().map(|(a, b)| Edge { a, b }).collect();
+        for edges in [random_edges(150, 0.0), square] {
+            for cell_mm in [0.05, 0.6, 7.0, 500.0, f64::INFINITY] {
+                let index = EdgeIndex::new(edges.clone(), cell_mm);
+                let mut count = 0;
+                for y in (-60..=60).map(|row| 0.5 * f64::from(row)) {
+                    let at = |number: usize| Point2::new(-30.0 + 0.25 * number as f64, y);
+                    let mut found = Vec::new();
+                    index.for_contained(y, 240, at, |number| found.push(number));
+                    let each = (0..240).filter(|&number| index.contains(at(number)));
+                    assert_eq!(found, each.collect::<Vec<_>>(), "y {y}, cells of {cell_mm}");
+                    count += found.len();
+                }
+                // The square alone has 8 x 6 mm at 8 places a mm².
+                assert!(count > 300, "{count}");
+            }
+        }
     }
 
     /// Goal: the grid changes nothing but the time. Method: nearest edge, containment and edges in

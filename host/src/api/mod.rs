@@ -24,6 +24,7 @@
 //! # Ok::<(), headway::api::Error>(())
 //! ```
 
+mod blocks;
 mod job;
 mod joints;
 mod part;
@@ -36,10 +37,11 @@ pub use crate::job::MotionState;
 pub use crate::settings::curved_layers::CurvedLayers;
 pub use crate::settings::options::{OPTION_NAMES, Options};
 pub use crate::settings::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
+pub use blocks::{BlockStore, Cache, PlannedBlock, PlannedShard, plan_shard};
 pub use job::{Job, Simulation};
 pub use joints::{JobJoint, JobJoints};
 pub use part::{Part, Reading};
-pub use planning::{Machine, Step, plan, plan_watched};
+pub use planning::{Machine, Step, plan, plan_cached, plan_watched};
 pub use pose::JobPose;
 pub use streaming::StreamStep;
 

@@ -4,6 +4,7 @@
 //! The stages for each kind of part are those of the pipeline, as for the command; this file adds the options of each
 //! kind and packs the job. The results do not depend on the progress callback.
 
+use super::blocks::{Cache, KeptBlocks, check_cached};
 use super::part::{What, part_error};
 use super::{Error, Job, Options, Part};
 use crate::geometry::polygon::Region;
@@ -12,7 +13,7 @@ use crate::input::declared_run::at_feeds;
 use crate::input::{Loaded, Target};
 use crate::job::SegmentStream;
 use crate::mesh::LoadedMesh;
-use crate::mesh::layers::{LayerHeights, sliced_carved};
+use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::pipeline::findings::objections::Objection;
 use crate::pipeline::gcode::plan_gcode;
 use crate::pipeline::mesh::{FirstLayer, PartContext, plan_part_in_pieces};
@@ -83,21 +84,83 @@ pub fn plan_watched(
     options: &Options,
     watch: &(dyn Fn(Step) -> ControlFlow<()> + Sync),
 ) -> Result<Job, Error> {
-    let watched = Watched {
+    kept(
+        part,
+        machine,
+        options,
+        (KeptBlocks::none(), String::new()),
         watch,
-        stopped: AtomicBool::new(false),
-    };
-    let mut packing = JobPacking::new(Cursor::new(Vec::new()));
-    let planned = planned(part, machine, options, &mut packing, &watched);
-    match watched.stops() {
-        true => Err(Error::Stopped),
-        false => packed(planned?, packing),
-    }
+    )
 }
 
-struct Watched<'a> {
+/// The same of a mesh with its planned blocks of layers kept: those that are there are not planned again. The job is byte
+/// for byte that of [`plan`].
+///
+/// # Errors
+/// The same, and [`Error::Options`] for a part that is no mesh in flat layers.
+pub fn plan_cached(
+    part: &Part,
+    machine: &Machine,
+    options: &Options,
+    cache: Cache,
+    watch: &(dyn Fn(Step) -> ControlFlow<()> + Sync),
+) -> Result<Job, Error> {
+    check_cached(part, options)?;
+    let blocks = KeptBlocks::new(cache.store);
+    kept(
+        part,
+        machine,
+        options,
+        (blocks, cache.program.to_string()),
+        watch,
+    )
+}
+
+fn kept(
+    part: &Part,
+    machine: &Machine,
+    options: &Options,
+    (mut blocks, program): (KeptBlocks, String),
+    watch: &(dyn Fn(Step) -> ControlFlow<()> + Sync),
+) -> Result<Job, Error> {
+    let watched = Watched::new(watch);
+    let mut output = Output {
+        packing: JobPacking::new(Cursor::new(Vec::new())),
+        blocks: &mut blocks,
+        program: &program,
+    };
+    let planned = planned(part, machine, options, &mut output, &watched);
+    if watched.has_stopped() {
+        return Err(Error::Stopped);
+    }
+    let (mut planned, packing) = (planned?, output.packing);
+    planned.notes.append(&mut blocks.notes);
+    packed(planned, packing)
+}
+
+/// Where blocks and stream of a part go.
+struct Output<'a, 'b> {
+    packing: Packing,
+    blocks: &'a mut KeptBlocks<'b>,
+    program: &'a str,
+}
+
+pub(super) struct Watched<'a> {
     watch: &'a (dyn Fn(Step) -> ControlFlow<()> + Sync),
     stopped: AtomicBool,
+}
+
+impl<'a> Watched<'a> {
+    pub(super) fn new(watch: &'a (dyn Fn(Step) -> ControlFlow<()> + Sync)) -> Watched<'a> {
+        Watched {
+            watch,
+            stopped: AtomicBool::new(false),
+        }
+    }
+
+    pub(super) fn has_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
 }
 
 impl Progress for Watched<'_> {
@@ -110,7 +173,7 @@ impl Progress for Watched<'_> {
     }
 
     fn stops(&self) -> bool {
-        self.stopped.load(Ordering::Relaxed)
+        self.has_stopped()
     }
 }
 
@@ -121,15 +184,10 @@ fn planned(
     part: &Part,
     machine: &Machine,
     options: &Options,
-    packing: &mut Packing,
+    output: &mut Output,
     progress: &dyn Progress,
 ) -> Result<Planned, Error> {
-    let of_options = options.over(machine.settings.clone());
-    let settings = Settings {
-        at_mm: part.at_mm,
-        ..of_options.map_err(|error| Error::Options(error.to_string()))?
-    };
-    check_options(part, options)?;
+    let settings = settings_of(part, machine, options)?;
     let begun = Instant::now();
     let plan_s = || begun.elapsed().as_secs_f64();
     let (planned, target, settings) = match &part.what {
@@ -140,7 +198,7 @@ fn planned(
             (planned, unfilled(part), settings)
         }
         What::Mesh(loaded) => {
-            return planned_mesh(part, loaded, (options, settings), packing, progress);
+            return planned_mesh(part, loaded, (options, settings), output, progress);
         }
         What::Gcode(program) => {
             let planned = plan_gcode(program, options.speed_mm_s, &settings, progress);
@@ -166,6 +224,21 @@ fn planned(
     let plan = planned.map_err(plan_error)?;
     let notes = part.notes().to_vec();
     Ok(Planned::of_plan(plan, plan_s(), target, notes, settings))
+}
+
+/// The settings of a part, whose options are checked.
+pub(super) fn settings_of(
+    part: &Part,
+    machine: &Machine,
+    options: &Options,
+) -> Result<Settings, Error> {
+    let of_options = options.over(machine.settings.clone());
+    let of_options = of_options.map_err(|error| Error::Options(error.to_string()))?;
+    check_options(part, options)?;
+    Ok(Settings {
+        at_mm: part.at_mm,
+        ..of_options
+    })
 }
 
 /// A target without area of its own.
@@ -262,13 +335,12 @@ fn copied(
     told.map(Some).map_err(part_error)
 }
 
-fn planned_mesh(
-    part: &Part,
+/// The layers of a mesh, as often as it is to be printed, and notes on them.
+pub(super) fn sliced(
     loaded: &LoadedMesh,
-    (options, settings): (&Options, Settings),
-    packing: &mut Packing,
-    progress: &dyn Progress,
-) -> Result<Planned, Error> {
+    options: &Options,
+    settings: &Settings,
+) -> Result<(SlicedPart, Vec<String>), Error> {
     let heights = LayerHeights {
         first_mm: (options.first_layer_height_mm).unwrap_or(settings.layer_height_mm),
         layer_mm: settings.layer_height_mm,
@@ -277,24 +349,35 @@ fn planned_mesh(
     };
     let checked = heights.check();
     checked.map_err(|error| Error::Options(error.to_string()))?;
-    let begun = Instant::now();
     let sliced = sliced_carved(&loaded.mesh, &loaded.carved, &heights);
     let mut sliced = sliced.map_err(part_error)?;
     let layers = sliced.layers.iter_mut().map(|layer| &mut layer.regions);
-    let told = copied(&mut layers.collect::<Vec<_>>(), options, &settings)?;
+    let told = copied(&mut layers.collect::<Vec<_>>(), options, settings)?;
     sliced.take_objects(&loaded.objects, told.is_some());
     let mut notes = loaded.notes.clone();
     notes.extend(sliced.notes.iter().cloned().chain(told));
+    Ok((sliced, notes))
+}
+
+fn planned_mesh(
+    part: &Part,
+    loaded: &LoadedMesh,
+    (options, settings): (&Options, Settings),
+    output: &mut Output,
+    progress: &dyn Progress,
+) -> Result<Planned, Error> {
+    let begun = Instant::now();
+    let (sliced, notes) = sliced(loaded, options, &settings)?;
     let mut laid = LaidPart::default();
     let mut take = |piece: SegmentStream, first_pass| {
         laid.look_at(&piece, &settings);
-        let taken = packing.take(&piece, first_pass, &settings);
+        let taken = output.packing.take(&piece, first_pass, &settings);
         taken.map_err(|error| error.to_string())
     };
     let context = PartContext {
         progress,
-        cache: &mut (),
-        program: "",
+        cache: output.blocks,
+        program: output.program,
         take: &mut take,
     };
     let first = FirstLayer::default();
@@ -311,7 +394,7 @@ fn planned_mesh(
     ))
 }
 
-fn plan_error(error: PlanError) -> Error {
+pub(super) fn plan_error(error: PlanError) -> Error {
     Error::Plan(error.to_string())
 }
 

@@ -130,11 +130,18 @@ impl Piece {
             let layer = prints.next().map_or(0, |print| print.layer);
             piece.unreachable_layers.extend(runs.iter().map(|_| layer));
             piece.unreachable.extend(runs);
-            if let Some([ground, swept]) = plan.infill_area_mm2(Some(number)) {
+            let infill_mm2 = plan.infill_area_mm2(Some(number));
+            if let Some([ground, swept]) = infill_mm2 {
                 piece.infill_mm2[0] += ground;
                 piece.infill_mm2[1] += swept;
             }
-            if let Some([ground, swept]) = plan.sparse_area_mm2(Some(number)) {
+            // Where nothing inside the walls is solid, counting it once does.
+            let is_all_sparse = (kind.regions.iter()).all(|region| region.open == region.sparse);
+            let sparse_mm2 = match is_all_sparse {
+                true => infill_mm2,
+                false => plan.sparse_area_mm2(Some(number)),
+            };
+            if let Some([ground, swept]) = sparse_mm2 {
                 piece.sparse_mm2[0] += ground;
                 piece.sparse_mm2[1] += swept;
             }

@@ -28,17 +28,19 @@ pub fn swept_area_mm2(raster: &RegionRaster, regions: &[Region]) -> [f64; 2] {
         let bounds = region.bounds();
         let cell = |p: Point2| (p - raster.origin) / raster.cell_mm;
         let (low, high) = (cell(bounds.min), cell(bounds.max));
+        let columns = low.x.max(0.0) as usize..(high.x.max(0.0) as usize + 1).min(raster.columns);
         for row in low.y.max(0.0) as usize..(high.y.max(0.0) as usize + 1).min(raster.rows) {
-            for column in
-                low.x.max(0.0) as usize..(high.x.max(0.0) as usize + 1).min(raster.columns)
-            {
+            let middle = |number: usize| {
+                let column = columns.start + number;
                 let middle = Vector2::new(column as f64 + 0.5, row as f64 + 0.5);
-                if walls.contains(raster.origin + middle * raster.cell_mm) {
-                    let swept = raster.cells[row * raster.columns + column] != Cell::Gap;
-                    area[0] += cell_mm2;
-                    area[1] += if swept { cell_mm2 } else { 0.0 };
-                }
-            }
+                raster.origin + middle * raster.cell_mm
+            };
+            walls.for_contained(middle(0).y, columns.len(), middle, |number| {
+                let column = columns.start + number;
+                let swept = raster.cells[row * raster.columns + column] != Cell::Gap;
+                area[0] += cell_mm2;
+                area[1] += if swept { cell_mm2 } else { 0.0 };
+            });
         }
     }
     area
