@@ -25,6 +25,7 @@ mod orient;
 pub mod patch;
 mod read;
 pub mod slice;
+pub mod split;
 mod stl;
 mod threemf;
 
