@@ -85,6 +85,29 @@ pub enum SurfaceRegion {
     },
 }
 
+impl SurfaceRegion {
+    /// Reads `group:NAME`, `colour:#RRGGBB` or `normal:DEG`, as in `normal:60`; `None` for anything else.
+    pub fn parse(text: &str) -> Option<SurfaceRegion> {
+        let (kind, rest) = text.split_once(':')?;
+        match kind {
+            "group" => (!rest.is_empty()).then(|| SurfaceRegion::Group(rest.to_string())),
+            "colour" | "color" => {
+                let digits = rest.strip_prefix('#').filter(|digits| digits.len() == 6)?;
+                let [_, colour @ ..] = u32::from_str_radix(digits, 16).ok()?.to_be_bytes();
+                Some(SurfaceRegion::Colour(colour))
+            }
+            "normal" => {
+                let most_deg = rest.parse::<f64>().ok();
+                let most_deg = most_deg.filter(|deg| (0.0..=180.0).contains(deg))?;
+                Some(SurfaceRegion::Normal {
+                    most_rad: most_deg.to_radians(),
+                })
+            }
+            _ => None,
+        }
+    }
+}
+
 /// A closed mesh and notes on how it was read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedMesh {
