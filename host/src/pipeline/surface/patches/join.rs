@@ -24,6 +24,8 @@ const TRAVEL_STEP: f64 = 1.5;
 const SMOOTHINGS: usize = 4;
 
 type Point = [f64; CHANNELS];
+/// A place over the surface, with the tool axis there.
+type Place = (Vector3<f64>, Vector3<f64>);
 
 /// What is joined.
 pub struct Join<'a> {
@@ -152,11 +154,7 @@ impl<'a> Join<'a> {
     }
 
     /// Places over the surface between two poses, with the axis there.
-    fn between(
-        &self,
-        [from, to]: [&Point; 2],
-        layer: u32,
-    ) -> Result<Vec<(Vector3<f64>, Vector3<f64>)>, SurfaceError> {
+    fn between(&self, [from, to]: [&Point; 2], layer: u32) -> Result<Vec<Place>, SurfaceError> {
         let ends = [from, to].map(|pose| Point3::from(tip(pose)));
         let Some(way) = way_along(self.mesh, ends)? else {
             return Ok(Vec::new());
@@ -175,7 +173,7 @@ impl<'a> Join<'a> {
             );
             (at.coords + above_mm * normal, normal)
         };
-        let mut places: Vec<(Vector3<f64>, Vector3<f64>)> = Vec::new();
+        let mut places: Vec<Place> = Vec::new();
         let mut before = tip(from);
         for place in way.iter().map(over) {
             if (place.0 - before).norm() >= step_mm && (place.0 - tip(to)).norm() >= step_mm {

@@ -49,6 +49,14 @@ struct PlannedPatch {
     routed: Routed,
 }
 
+/// A patch before it is planned.
+struct Ground {
+    laid: OnSurface,
+    job: ChartJob,
+    /// Its share of the ground, in the chart.
+    region: Vec<Region>,
+}
+
 /// Plans a mesh in patches; `None` where it needs none, or where no patches are found.
 ///
 /// # Errors
@@ -71,12 +79,12 @@ pub fn planned(
     let grounds = shares.iter().map(|share| laid_share(mesh, share, settings));
     let grounds = grounds.collect::<Result<Vec<_>, _>>()?;
     let mut patches = Vec::with_capacity(shares.len());
-    for (share, (laid, job, region)) in shares.into_iter().zip(grounds) {
-        let routed = job.routed(&laid, settings, progress)?;
+    for (share, ground) in shares.into_iter().zip(grounds) {
+        let routed = ground.job.routed(&ground.laid, settings, progress)?;
         patches.push(PlannedPatch {
             share,
-            laid,
-            region,
+            laid: ground.laid,
+            region: ground.region,
             routed,
         });
     }
@@ -90,11 +98,7 @@ pub fn planned(
 }
 
 /// The chart of a share, what is planned in it, and the share itself in the chart.
-fn laid_share(
-    mesh: &Mesh,
-    share: &Share,
-    settings: &Settings,
-) -> Result<(OnSurface, ChartJob, Vec<Region>), SurfaceError> {
+fn laid_share(mesh: &Mesh, share: &Share, settings: &Settings) -> Result<Ground, SurfaceError> {
     let margin_mm = BESIDE * settings.aperture.reach_mm();
     let (ground, _) = ground_of(mesh, &share.own, margin_mm);
     let (chart, _) = charted(&ground, settings)?;
@@ -109,7 +113,11 @@ fn laid_share(
     let off = (chart.off_mm, chart.off_at_mm.into());
     let laid = OnSurface::on(chart, off, &mut job, settings)?;
     let own = region_in(&share.own.mesh, &laid.chart)?;
-    Ok((laid, job, vec![own]))
+    Ok(Ground {
+        laid,
+        job,
+        region: vec![own],
+    })
 }
 
 /// The share with what it reaches over its seams.
