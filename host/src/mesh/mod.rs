@@ -27,6 +27,7 @@ mod read;
 pub mod slice;
 pub mod split;
 mod stl;
+mod surface_region;
 mod threemf;
 
 #[cfg(test)]
@@ -35,9 +36,8 @@ mod test_meshes;
 mod tests;
 
 pub use error::MeshError;
-pub use read::{
-    LoadedMesh, MeshFormat, MeshOptions, SurfaceRegion, TRIANGLES_MAX, read, read_surface,
-};
+pub use read::{LoadedMesh, MeshFormat, MeshOptions, TRIANGLES_MAX, read, read_surface};
+pub use surface_region::SurfaceRegion;
 
 /// A point in space, mm.
 pub type Point3 = nalgebra::Point3<f64>;

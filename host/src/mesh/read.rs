@@ -5,6 +5,7 @@ use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
 use super::object_settings::{ObjectInfill, PartObject};
 use super::orient::{Reoriented, orient};
+use super::surface_region::SurfaceRegion;
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
 use crate::text::short_number::Short;
 
@@ -69,43 +70,6 @@ pub(super) struct RawMesh {
     pub triangle_colours: Vec<Option<[u8; 3]>>,
     /// Objects with settings of their own: the corners of their boxes in the file, and these.
     pub objects: Vec<(Option<String>, Vec<Point3>, ObjectInfill)>,
-}
-
-/// Which triangles of a surface are meant.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SurfaceRegion {
-    /// Those of a group, object, component or volume of that name.
-    Group(String),
-    /// Triangles of which all corners have that colour.
-    Colour([u8; 3]),
-    /// Triangles whose normal is tilted from Z by no more than that.
-    Normal {
-        /// The tilt.
-        most_rad: f64,
-    },
-}
-
-impl SurfaceRegion {
-    /// Reads `group:NAME`, `colour:#RRGGBB` or `normal:DEG`, as in `normal:60`; `None` for anything else.
-    pub fn parse(text: &str) -> Option<SurfaceRegion> {
-        let (kind, rest) = text.split_once(':')?;
-        match kind {
-            "group" => (!rest.is_empty()).then(|| SurfaceRegion::Group(rest.to_string())),
-            "colour" | "color" => {
-                let digits = rest.strip_prefix('#').filter(|digits| digits.len() == 6)?;
-                let [_, colour @ ..] = u32::from_str_radix(digits, 16).ok()?.to_be_bytes();
-                Some(SurfaceRegion::Colour(colour))
-            }
-            "normal" => {
-                let most_deg = rest.parse::<f64>().ok();
-                let most_deg = most_deg.filter(|deg| (0.0..=180.0).contains(deg))?;
-                Some(SurfaceRegion::Normal {
-                    most_rad: most_deg.to_radians(),
-                })
-            }
-            _ => None,
-        }
-    }
 }
 
 /// A closed mesh and notes on how it was read.
