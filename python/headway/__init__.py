@@ -381,14 +381,16 @@ def plan_file(
     scale: float = 1.0,
     repair: bool = False,
     surface: Optional[PathLike] = None,
+    surface_region: Optional[str] = None,
     cache: Optional[PathLike] = None,
     **options: Unpack[Options],
 ) -> Job:
     """Plans a file: polygon JSON, GeoJSON, SVG, DXF, STL, 3MF, OBJ, waypoints, NURBS or G-code, by its ending.
 
     ``units`` (mm, cm, m, um, in) and ``scale`` are of its coordinates, ``repair`` mends crossings and open
-    contours by the fill rule; ``surface`` is a mesh on which an outline is laid as seen from above. ``cache`` is a
-    folder of planned blocks of a mesh's layers, as of :func:`plan_mesh`. The options are
+    contours by the fill rule; ``surface`` is a mesh on which an outline is laid as seen from above, or a part of it by
+    ``surface_region`` as in :func:`plan_surface`. ``cache`` is a folder of planned blocks of a mesh's layers, as of
+    :func:`plan_mesh`. The options are
     those of :func:`plan`, and of meshes ``first_layer_height_mm`` and ``layer_range`` (first and last, from 1) and
     ``curved_layers`` ("auto", "all", "skin", "skin:3": layers that follow the tops), of runs of waypoints ``gap_mm``, ``corner_tolerance_mm`` and ``place`` ("centre", "best").
     """
@@ -397,7 +399,10 @@ def plan_file(
     reading = {"units": units, "scale": scale, "repair": repair, "flatten_mm": given.get("tolerance_mm")}
     part = _headway.Part.from_bytes(stem, ending, _read(path), reading)
     if surface is not None:
-        part = part.on_surface(_named(surface)[1], _read(surface), {"units": units, "scale": scale})
+        of_surface = {"units": units, "scale": scale, "surface_region": surface_region}
+        part = part.on_surface(_named(surface)[1], _read(surface), of_surface)
+    elif surface_region is not None:
+        raise OptionsError("surface_region selects a part of a surface: give surface as well")
     return _planned(part, machine, keep_out, at_mm, progress, given, cache)
 
 
@@ -469,22 +474,25 @@ def plan_surface(
     keep_out: Any = None,
     at_mm: Optional[Sequence[float]] = None,
     progress: Optional[Progress] = None,
+    surface_region: Optional[str] = None,
     **options: Unpack[Options],
 ) -> Job:
     """Plans beads on curved ground: an outline as seen from above, or without one all of the surface up to its rims.
 
     ``surface`` is a mesh's path, or what :func:`plan_mesh` takes, closed or not; ``outline`` is geometry as in
-    :func:`plan`. The rest is as there.
+    :func:`plan`. ``surface_region`` selects a part of the mesh: ``"group:NAME"``, ``"colour:#RRGGBB"`` (of a file that
+    has them) or ``"normal:DEG"``, outward normals within that angle of Z. The rest is as there.
     """
     given = _known(options, "plan_surface")
+    reading = {"surface_region": surface_region}
     if isinstance(surface, (str, os.PathLike)):
         data, ending = _read(surface), _named(surface)[1]
     else:
         data, ending = _stl(surface), "stl"
     if outline is None:
-        part = _headway.Part.from_surface(name, ending, data, {})
+        part = _headway.Part.from_surface(name, ending, data, reading)
     else:
-        part = _headway.Part.from_polygons(name, _polygons(outline)).on_surface(ending, data, {})
+        part = _headway.Part.from_polygons(name, _polygons(outline)).on_surface(ending, data, reading)
     return _planned(part, machine, keep_out, at_mm, progress, given)
 
 

@@ -123,6 +123,7 @@ pub fn reading(given: &Bound<'_, PyDict>) -> PyResult<Reading> {
             "scale" => reading.scale = number(&key, &value)?,
             "repair" => reading.repair = read(&key, &value, "True or False")?,
             "flatten_mm" => reading.flatten_mm = number(&key, &value)?,
+            "surface_region" => reading.surface_region = Some(read(&key, &value, "a region")?),
             _ => {
                 return Err(OptionsError::new_err(format!(
                     "{key} is no option of reading"

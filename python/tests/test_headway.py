@@ -427,6 +427,15 @@ def test_a_surface_is_planned_as_by_the_command(tmp_path):
     assert abs(slope - 0.25) < 0.002
     whole = headway.plan_surface((corners, [(0, 1, 2), (0, 2, 3)]), machine=machine)
     assert whole.figures["print_mm"] > 4 * leaning.figures["print_mm"]
+    # Of a wedge only the side that leans by a quarter: its walls stand upright.
+    solid = (
+        np.vstack([corners, corners * [1, 1, 0] - [0, 0, 1]]),
+        [(0, 1, 2), (0, 2, 3), (4, 6, 5), (4, 7, 6), (0, 4, 5), (0, 5, 1), (1, 5, 6), (1, 6, 2), (2, 6, 7), (2, 7, 3)],
+    )
+    of_region = headway.plan_surface(solid, surface_region="normal:30", machine=machine)
+    assert of_region.figures["print_mm"] == whole.figures["print_mm"]
+    with pytest.raises(headway.OptionsError, match="group:NAME"):
+        headway.plan_surface(solid, surface_region="top", machine=machine)
     with pytest.raises(headway.PartError, match="surface"):
         headway.plan_file(EXAMPLES / "hook.stl", surface=dome)
 

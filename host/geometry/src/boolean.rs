@@ -66,12 +66,13 @@ fn paths<'a>(rings: impl Iterator<Item = &'a Ring>) -> Paths {
 
 /// Within which squared distance a rounded crossing becomes the end of an edge, as a power of two of cells of the
 /// overlay's grid, and what the power grows by with every round. The grid has 2^61 cells across all rings, a
-/// double 2^53 steps: 2^10 cells are four steps of the largest coordinate, what turning and shifting
-/// rounds. From one cell on, edges that all pass through nearly one point (the outlines of a wavy wall's
-/// layers) cross each other there anew in every round: minutes and hundreds of MB for a few of them.
+/// double 2^53 steps: 2^15 cells are a hundred steps of the largest coordinate, several times what turning and shifting rounds.
+/// Edges that all pass through nearly one point (the outlines of a wavy wall's layers), or that nearly coincide (what
+/// differs between the layers of a twisted gear), cross each other there anew in every round until that distance is
+/// larger than what separates them: with rounds of a factor of two a layer of a herringbone gear takes a minute.
 const SNAP: Precision = Precision {
-    start: 20,
-    progression: 2,
+    start: 30,
+    progression: 8,
 };
 
 fn overlaid(subject: &Paths, clip: &Paths, what: OverlayRule, rule: FillRule) -> Vec<Region> {

@@ -7,7 +7,7 @@ use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::Region;
 use crate::input::waypoints::WaypointRun;
 use crate::input::{self, Format, Input, Loaded, ReadOptions, Units};
-use crate::mesh::{self, LoadedMesh, Mesh, MeshOptions};
+use crate::mesh::{self, LoadedMesh, Mesh, MeshOptions, SurfaceRegion};
 
 /// How a file is read.
 ///
@@ -23,6 +23,9 @@ pub struct Reading {
     pub flatten_mm: f64,
     /// Repair crossings, overlaps and open contours by the fill rule, and report the changes.
     pub repair: bool,
+    /// The part of a surface that is meant: `group:NAME`, `colour:#RRGGBB` or `normal:DEG`, as the command's
+    /// `--surface-region`; all of it if there is none.
+    pub surface_region: Option<String>,
 }
 
 impl Default for Reading {
@@ -39,6 +42,7 @@ impl Default for Reading {
             scale,
             flatten_mm,
             repair,
+            surface_region: None,
         }
     }
 }
@@ -236,7 +240,16 @@ fn read_surface(ending: &str, bytes: &[u8], reading: &Reading) -> Result<Mesh, E
         scale: reading.scale,
         rotate_rad: [0.0; 3],
     };
-    mesh::read_surface(bytes, format, &options, None).map_err(part_error)
+    let region = reading.surface_region.as_deref();
+    let region = region.map(|text| {
+        SurfaceRegion::parse(text).ok_or_else(|| {
+            Error::Options(format!(
+                "surface_region {text:?}: give group:NAME, colour:#RRGGBB or normal:DEG, as in normal:60"
+            ))
+        })
+    });
+    let region = region.transpose()?;
+    mesh::read_surface(bytes, format, &options, region.as_ref()).map_err(part_error)
 }
 
 /// Finest and coarsest flattening, mm.

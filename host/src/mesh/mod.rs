@@ -25,7 +25,9 @@ mod orient;
 pub mod patch;
 mod read;
 pub mod slice;
+pub mod split;
 mod stl;
+mod surface_region;
 mod threemf;
 
 #[cfg(test)]
@@ -34,9 +36,8 @@ mod test_meshes;
 mod tests;
 
 pub use error::MeshError;
-pub use read::{
-    LoadedMesh, MeshFormat, MeshOptions, SurfaceRegion, TRIANGLES_MAX, read, read_surface,
-};
+pub use read::{LoadedMesh, MeshFormat, MeshOptions, TRIANGLES_MAX, read, read_surface};
+pub use surface_region::SurfaceRegion;
 
 /// A point in space, mm.
 pub type Point3 = nalgebra::Point3<f64>;

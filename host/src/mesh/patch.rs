@@ -258,6 +258,68 @@ fn shortest(mesh: &Mesh, edges: &RunEdges, from: &[u32], to: &[u32]) -> Option<V
     None
 }
 
+/// The path along edges between the vertices nearest to two points; `None` where none leads there.
+///
+/// # Errors
+/// [`NotManifold`].
+pub fn way_along(mesh: &Mesh, [from, to]: [Point3; 2]) -> Result<Option<Vec<u32>>, NotManifold> {
+    let near = |point: Point3| {
+        let away = |vertex: &u32| (mesh.vertices[*vertex as usize] - point).norm_squared();
+        let all = 0..mesh.vertices.len() as u32;
+        all.min_by(|a, b| away(a).total_cmp(&away(b)))
+    };
+    let (Some(first), Some(last)) = (near(from), near(to)) else {
+        return Ok(None);
+    };
+    let way = shortest(mesh, &RunEdges::of(mesh)?, &[first], &[last]);
+    Ok(way.map(|way| way.into_iter().rev().collect()))
+}
+
+/// The triangles with a corner no farther along the edges from those that are chosen, and these.
+pub fn grown(mesh: &Mesh, is_chosen: &[bool], by_mm: f64) -> Vec<bool> {
+    let mut beside: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices.len()];
+    for &[a, b, c] in &mesh.triangles {
+        for [p, q] in [[a, b], [b, c], [c, a]] {
+            beside[p as usize].push(q);
+            beside[q as usize].push(p);
+        }
+    }
+    let mut way_mm = vec![f64::INFINITY; mesh.vertices.len()];
+    let mut waiting = BinaryHeap::new();
+    let chosen = mesh.triangles.iter().zip(is_chosen);
+    for &vertex in chosen
+        .filter(|(_, own)| **own)
+        .flat_map(|(triangle, _)| triangle)
+    {
+        way_mm[vertex as usize] = 0.0;
+        waiting.push(Reached {
+            way_mm: 0.0,
+            vertex,
+        });
+    }
+    while let Some(Reached {
+        way_mm: way,
+        vertex,
+    }) = waiting.pop()
+    {
+        if way > way_mm[vertex as usize] {
+            continue;
+        }
+        for &other in &beside[vertex as usize] {
+            let next = way + apart_mm(mesh, vertex, other);
+            if next <= by_mm && next < way_mm[other as usize] {
+                way_mm[other as usize] = next;
+                waiting.push(Reached {
+                    way_mm: next,
+                    vertex: other,
+                });
+            }
+        }
+    }
+    let is_near = |triangle: &[u32; 3]| triangle.iter().any(|v| way_mm[*v as usize].is_finite());
+    mesh.triangles.iter().map(is_near).collect()
+}
+
 /// The place of a mesh nearest to a point, its distance, mm, and its triangle.
 pub fn nearest(mesh: &Mesh, point: Point3) -> Option<(Point3, f64, usize)> {
     let mut best: Option<(Point3, f64, usize)> = None;

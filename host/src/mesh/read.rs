@@ -5,6 +5,7 @@ use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
 use super::object_settings::{ObjectInfill, PartObject};
 use super::orient::{Reoriented, orient};
+use super::surface_region::SurfaceRegion;
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
 use crate::text::short_number::Short;
 
@@ -69,20 +70,6 @@ pub(super) struct RawMesh {
     pub triangle_colours: Vec<Option<[u8; 3]>>,
     /// Objects with settings of their own: the corners of their boxes in the file, and these.
     pub objects: Vec<(Option<String>, Vec<Point3>, ObjectInfill)>,
-}
-
-/// Which triangles of a surface are meant.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SurfaceRegion {
-    /// Those of a group, object, component or volume of that name.
-    Group(String),
-    /// Triangles of which all corners have that colour.
-    Colour([u8; 3]),
-    /// Triangles whose normal is tilted from Z by no more than that.
-    Normal {
-        /// The tilt.
-        most_rad: f64,
-    },
 }
 
 /// A closed mesh and notes on how it was read.

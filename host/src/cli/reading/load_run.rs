@@ -56,29 +56,11 @@ pub(crate) fn surface(place: &PlaceArgs, args: &InputArgs) -> Result<Option<Mesh
 
 /// What of a surface is meant.
 fn surface_region(text: &str) -> Result<SurfaceRegion, CliError> {
-    let refused = || {
+    SurfaceRegion::parse(text).ok_or_else(|| {
         CliError::Usage(format!(
             "--surface-region {text}: write group:NAME, colour:#RRGGBB or normal:DEG, as in normal:60"
         ))
-    };
-    let (kind, rest) = text.split_once(':').ok_or_else(refused)?;
-    match kind {
-        "group" if !rest.is_empty() => Ok(SurfaceRegion::Group(rest.to_string())),
-        "colour" | "color" => {
-            let digits = rest.strip_prefix('#').filter(|digits| digits.len() == 6);
-            let number = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
-            let [_, colour @ ..] = number.ok_or_else(refused)?.to_be_bytes();
-            Ok(SurfaceRegion::Colour(colour))
-        }
-        "normal" => {
-            let most_deg = rest.parse::<f64>().ok();
-            let most_deg = most_deg.filter(|deg| (0.0..=180.0).contains(deg));
-            Ok(SurfaceRegion::Normal {
-                most_rad: most_deg.ok_or_else(refused)?.to_radians(),
-            })
-        }
-        _ => Err(refused()),
-    }
+    })
 }
 
 /// How far a run is turned, in rad.

@@ -14,6 +14,7 @@ const SLOWING_TOLD_S: f64 = 0.1;
 pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
     let notes = [
         on_surface(plan),
+        seams(plan),
         sharp_bend(plan),
         curved_layers(plan),
         compared_layers(plan),
@@ -39,6 +40,16 @@ fn on_surface(plan: &Plan) -> Option<String> {
          leans by up to {:.1}° under the plan, and lengths range by {:.1} % in the plane that it is made in",
         laid.tilt_max_rad.to_degrees(),
         100.0 * (most / least - 1.0),
+    ))
+}
+
+/// How a surface was cut into patches.
+fn seams(plan: &Plan) -> Option<String> {
+    let seams = plan.on_surface.as_ref()?.seams?;
+    Some(format!(
+        "the surface cannot be flattened whole: it is printed in {} patches, joined along {:.1} mm of seams, where {:.3} mm² \
+         stay open",
+        seams.patches, seams.length_mm, seams.open_mm2
     ))
 }
 

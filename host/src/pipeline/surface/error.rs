@@ -96,8 +96,8 @@ pub enum SurfaceError {
     },
     /// A mesh without a rim, and nothing that says which part of it is meant.
     #[error(
-        "the surface near ({:.2}, {:.2}, {:.2}) mm is closed and has no rim to print up to: draw an outline on it, give a \
-         part of it, or cut it open",
+        "the surface near ({:.2}, {:.2}, {:.2}) mm is closed: all of it cannot be printed, since no tool reaches what looks \
+         down; draw an outline on it, or choose a part with --surface-region (as in normal:120)",
         at_mm[0], at_mm[1], at_mm[2]
     )]
     Closed {
@@ -136,6 +136,21 @@ pub enum SurfaceError {
         /// The tip, input coordinates.
         at_mm: [f64; 3],
     },
+}
+
+impl SurfaceError {
+    /// Whether smaller patches may have a chart where the whole has none: a chart that ranges far is rough and bent
+    /// where it is smallest.
+    pub(super) fn may_be_divided(&self) -> bool {
+        matches!(
+            self,
+            SurfaceError::NotFlat { .. }
+                | SurfaceError::ScaleRanges { .. }
+                | SurfaceError::TooRough { .. }
+                | SurfaceError::BendsTooSharply { .. }
+                | SurfaceError::Folds(_)
+        )
+    }
 }
 
 impl From<NotManifold> for SurfaceError {

@@ -47,6 +47,17 @@ pub struct SharpBend {
     pub at_mm: [f64; 3],
 }
 
+/// Seams between the patches that a surface is cut into.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seams {
+    /// Number of patches.
+    pub patches: usize,
+    /// Length of the seams.
+    pub length_mm: f64,
+    /// Ground of all layers that stays open within half a nozzle's length of a seam.
+    pub open_mm2: f64,
+}
+
 /// How a plan lies on its ground.
 #[derive(Clone, Debug)]
 pub struct OnSurface {
@@ -70,6 +81,8 @@ pub struct OnSurface {
     pub unreachable: Vec<UnreachableRun>,
     /// What was covered.
     pub layers: Vec<LayerSwept>,
+    /// Where it is cut into patches. Chart, scale and regions are then those of the lowest patch.
+    pub seams: Option<Seams>,
 }
 
 /// What is found looking over the ground.
@@ -120,6 +133,32 @@ impl OnSurface {
             sharp_bend,
             unreachable: Vec::new(),
             layers: Vec::new(),
+            seams: None,
+        })
+    }
+
+    /// What holds for several patches together; `None` of none.
+    pub(super) fn together(patches: Vec<OnSurface>) -> Option<OnSurface> {
+        patches.into_iter().reduce(|all, patch| {
+            let (off_mm, off_at_mm) = match patch.off_mm > all.off_mm {
+                true => (patch.off_mm, patch.off_at_mm),
+                false => (all.off_mm, all.off_at_mm),
+            };
+            let [all_least, all_most] = all.scales;
+            let [least, most] = patch.scales;
+            let bends = [all.sharp_bend, patch.sharp_bend].into_iter().flatten();
+            OnSurface {
+                off_mm,
+                off_at_mm,
+                tilt_max_rad: all.tilt_max_rad.max(patch.tilt_max_rad),
+                scales: match most / least > all_most / all_least {
+                    true => patch.scales,
+                    false => all.scales,
+                },
+                sharp_bend: bends.min_by(|a, b| a.radius_mm.total_cmp(&b.radius_mm)),
+                unreachable: [all.unreachable.as_slice(), &patch.unreachable].concat(),
+                ..all
+            }
         })
     }
 
@@ -256,6 +295,16 @@ pub fn in_chart(region: &Region, place: impl Fn(Point2) -> Point2) -> Region {
     Region {
         exterior: ring(&region.exterior),
         holes: region.holes.iter().map(ring).collect(),
+    }
+}
+
+/// A ring of points in space in the chart.
+pub fn in_space(ring: &[Vector3<f64>], chart: &PatchChart) -> Ring {
+    let place = |at: Vector3<f64>| chart.place(at);
+    let middle = |a: Vector3<f64>, b: Vector3<f64>| 0.5 * (a + b);
+    let apart_mm = |a: Vector3<f64>, b: Vector3<f64>| (b - a).norm();
+    Ring {
+        points: divided(ring, &place, middle, apart_mm),
     }
 }
 

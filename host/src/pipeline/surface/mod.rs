@@ -15,9 +15,10 @@ pub mod error;
 mod height_ground;
 mod laid_ground;
 mod patch_ground;
+mod patches;
 
 pub use error::SurfaceError;
-pub use laid_ground::{OnSurface, SharpBend};
+pub use laid_ground::{OnSurface, Seams, SharpBend};
 
 use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::{Point2, Vector2};
@@ -111,7 +112,8 @@ pub fn plan_on_surface(
 }
 
 /// Plans an outline that is drawn on a mesh, or without one the whole of it up to its rims; the mesh may hang over. Ground
-/// that closes around something is cut open where it cannot be flattened otherwise.
+/// that closes around something is cut open where it cannot be flattened otherwise, and a whole mesh is cut into patches where
+/// that does not do.
 ///
 /// # Errors
 /// [`PlanError`], of the surface [`SurfaceError`].
@@ -123,13 +125,21 @@ pub fn plan_on_patch(
 ) -> Result<Plan, PlanError> {
     settings.check()?;
     let whole = laid_on_patch(outline, mesh, false, settings);
-    let (laid, job) = match whole {
+    let laid = match whole {
         Err(SurfaceError::NotFlat { .. } | SurfaceError::ScaleRanges { .. })
             if PatchGround::may_be_cut(mesh) =>
         {
-            laid_on_patch(outline, mesh, true, settings)?
+            laid_on_patch(outline, mesh, true, settings)
         }
-        whole => whole?,
+        whole => whole,
+    };
+    let (laid, job) = match laid {
+        // The error of the whole mesh says the most where no patches are found.
+        Err(error) if outline.is_none() && error.may_be_divided() => {
+            let in_patches = patches::planned(mesh, settings, progress)?;
+            return in_patches.ok_or(PlanError::Surface(error));
+        }
+        laid => laid?,
     };
     let planned = job.routed(&laid, settings, progress)?;
     let plan = laid_out(&planned, (mesh, Held::Sheet), laid, settings, progress)?;
@@ -332,6 +342,7 @@ fn laid_out(
         regions: &laid.regions,
         transform: &transform,
         lowest_layer: 0,
+        joined: None,
     };
     let layers = sweep_ground(&stream, &ground, is_of_regions, settings);
     let numbers: Vec<u32> = layers.iter().map(|swept| swept.layer).collect();

@@ -91,7 +91,10 @@ impl PatchGround {
 }
 
 /// The chart of a patch, and where its vertices lie in it.
-fn charted(patch: &Mesh, settings: &Settings) -> Result<(PatchChart, Vec<Point2>), SurfaceError> {
+pub(super) fn charted(
+    patch: &Mesh,
+    settings: &Settings,
+) -> Result<(PatchChart, Vec<Point2>), SurfaceError> {
     let places: Vec<Vector3<f64>> = patch.vertices.iter().map(|p| p.coords).collect();
     let normals = normals(patch);
     let above_mm = middle_mm(settings);
@@ -134,7 +137,7 @@ fn charted(patch: &Mesh, settings: &Settings) -> Result<(PatchChart, Vec<Point2>
 }
 
 /// Unit normals at the vertices, of the triangles about each by their areas.
-fn normals(patch: &Mesh) -> Vec<Vector3<f64>> {
+pub(super) fn normals(patch: &Mesh) -> Vec<Vector3<f64>> {
     let mut normals = vec![Vector3::zeros(); patch.vertices.len()];
     for (number, triangle) in patch.triangles.iter().enumerate() {
         let [a, b, c] = patch.corners(number);

@@ -9,6 +9,8 @@
 //! counts as reachable.
 
 use super::figures::Swept;
+pub use super::ground_raster::OpenPlace;
+use super::ground_raster::{GroundCell, NO_VISIT, Raster, Visit, open_places};
 use super::measure::{STEP_RAD, longest_step_mm};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::chart::{Chart, SurfaceFrame};
@@ -58,6 +60,17 @@ pub struct CurvedGround<'a> {
     pub transform: &'a PartTransform,
     /// The layer on the surface.
     pub lowest_layer: u32,
+    /// What lies beside it on the same layers, if it is one of several patches.
+    pub joined: Option<Joined<'a>>,
+}
+
+/// A patch of ground that others join.
+#[derive(Clone, Copy)]
+pub struct Joined<'a> {
+    /// Its share of the ground, in its chart: the regions to cover reach over the seams.
+    pub share: &'a [Region],
+    /// Passes of the other patches, which cover some of it along the seams.
+    pub is_beside: &'a (dyn Fn(u32) -> bool + Sync),
 }
 
 /// Result for a layer.
@@ -69,15 +82,6 @@ pub struct LayerSwept {
     pub swept: Swept,
     /// Its open places, the largest first.
     pub open: Vec<OpenPlace>,
-}
-
-/// Ground that nothing covers, connected.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OpenPlace {
-    /// Its area.
-    pub area_mm2: f64,
-    /// A place in it, near its middle.
-    pub at_mm: [f64; 3],
 }
 
 /// A pose of the sweep.
@@ -98,13 +102,21 @@ pub fn sweep_ground(
     is_of_regions: impl Fn(u32) -> bool,
     settings: &Settings,
 ) -> Vec<LayerSwept> {
-    let layers = poses_by_layer(stream, settings, is_of_regions);
+    let is_beside = |pass: u32| ground.joined.is_some_and(|joined| (joined.is_beside)(pass));
+    let layers = poses_by_layer(stream, settings, |pass| {
+        is_of_regions(pass) || is_beside(pass)
+    });
     let edges = ground.regions.iter().flat_map(Region::edges);
     let edges: Vec<Edge> = edges.map(|(a, b)| Edge { a, b }).collect();
     if edges.is_empty() {
         return Vec::new();
     }
     let walls = EdgeIndex::new(edges, settings.aperture.major_mm());
+    let share = ground.joined.map(|joined| {
+        let edges = joined.share.iter().flat_map(Region::edges);
+        let edges: Vec<Edge> = edges.map(|(a, b)| Edge { a, b }).collect();
+        EdgeIndex::new(edges, settings.aperture.major_mm())
+    });
     layers
         .par_iter()
         .map(|(layer, poses)| {
@@ -113,6 +125,7 @@ pub fn sweep_ground(
             let job = LayerJob {
                 ground,
                 walls: &walls,
+                share: share.as_ref().unwrap_or(&walls),
                 above_mm: top_mm,
                 settings,
             };
@@ -186,47 +199,12 @@ fn turned(pose: &Pose) -> Rotation3<f64> {
 struct LayerJob<'a> {
     ground: &'a CurvedGround<'a>,
     walls: &'a EdgeIndex,
+    /// The rim of what is to be covered.
+    share: &'a EdgeIndex,
     /// The layer's top above the surface.
     above_mm: f64,
     settings: &'a Settings,
 }
-
-/// The raster: cells row by row.
-struct Raster {
-    origin: Point2,
-    cell_mm: f64,
-    columns: usize,
-    rows: usize,
-}
-
-impl Raster {
-    fn middle(&self, cell: usize) -> Point2 {
-        let (column, row) = (cell % self.columns, cell / self.columns);
-        self.origin + self.cell_mm * Vector2::new(column as f64 + 0.5, row as f64 + 0.5)
-    }
-}
-
-/// A cell of a layer.
-#[derive(Clone, Copy)]
-struct GroundCell {
-    at_mm: Vector3<f64>,
-    area_mm2: f64,
-    is_inside: bool,
-}
-
-/// The last visit of a cell: pass and path; whether there was one before that counts.
-#[derive(Clone, Copy)]
-struct Visit {
-    pass: u32,
-    path_mm: f64,
-    is_again: bool,
-}
-
-const NO_VISIT: Visit = Visit {
-    pass: u32::MAX,
-    path_mm: 0.0,
-    is_again: false,
-};
 
 impl LayerJob<'_> {
     fn measured(&self, layer: u32, poses: &[PrintPose]) -> LayerSwept {
@@ -245,7 +223,16 @@ impl LayerJob<'_> {
             }
         }
         swept.reachable_mm2 = swept.area_mm2;
-        (swept.outside_depth_mm, swept.outside_at_mm) = self.deepest(&poses);
+        let own: Vec<GroundPose> = match self.ground.joined {
+            Some(joined) => {
+                let own = poses
+                    .iter()
+                    .filter(|pose| !(joined.is_beside)(pose.at.pass));
+                own.copied().collect()
+            }
+            None => poses,
+        };
+        (swept.outside_depth_mm, swept.outside_at_mm) = self.deepest(&own);
         LayerSwept {
             layer,
             swept,
@@ -258,9 +245,13 @@ impl LayerJob<'_> {
         let offset = Vector3::from(self.ground.transform.offset_mm);
         let mut near: Option<(u32, Point2)> = None;
         let begins = self.begins();
-        let placed = poses.iter().map(|&(pose, pass, path_mm)| {
+        let placed = poses.iter().filter_map(|&(pose, pass, path_mm)| {
             let tip_mm = tip(&pose) - offset;
             let chart = self.ground.chart;
+            if self.is_far(pass, tip_mm, &begins) {
+                near = None;
+                return None;
+            }
             let center = match near.filter(|(of, _)| *of == pass) {
                 Some((_, near)) => chart.place_of(tip_mm, near, self.above_mm),
                 None => self.place_anew(tip_mm, &begins),
@@ -269,7 +260,7 @@ impl LayerJob<'_> {
             let turn = turned(&pose);
             let axes = [Vector3::x(), Vector3::y()].map(|axis| turn * axis);
             let frame = chart.frame(center, self.above_mm);
-            GroundPose {
+            Some(GroundPose {
                 tip_mm,
                 axes,
                 normal: tool_axis(nalgebra::Vector2::new(
@@ -284,9 +275,21 @@ impl LayerJob<'_> {
                     pass,
                     path_mm,
                 },
-            }
+            })
         });
         placed.collect()
+    }
+
+    /// True for a pose of another patch that does not reach this one.
+    fn is_far(&self, pass: u32, tip_mm: Vector3<f64>, begins: &[(Point2, Vector3<f64>)]) -> bool {
+        let Some(joined) = self.ground.joined.filter(|joined| (joined.is_beside)(pass)) else {
+            return false;
+        };
+        let bounds = joined.share.iter().map(|region| region.bounds().size());
+        let step_mm = bounds.map(|size| (size.x * size.y / BEGINS).sqrt());
+        let reach_mm = 2.0 * (self.settings.aperture.reach_mm() + step_mm.fold(0.0, f64::max));
+        let away = begins.iter().map(|(_, at)| (at - tip_mm).norm_squared());
+        away.fold(f64::INFINITY, f64::min) > reach_mm * reach_mm
     }
 
     /// The place of a tip that nothing is known of: where the surface is cut open there are two near it, of which the
@@ -344,7 +347,7 @@ impl LayerJob<'_> {
             GroundCell {
                 at_mm: frame.tip_mm,
                 area_mm2: chart_mm2 * frame.area_factor().max(0.0),
-                is_inside: self.walls.contains(at),
+                is_inside: self.share.contains(at),
             }
         };
         let numbers = 0..raster.columns * raster.rows;
@@ -464,46 +467,4 @@ fn heading_in_chart(frame: &SurfaceFrame, axis: Vector3<f64>) -> f64 {
         .try_inverse()
         .map_or(right, |inverse| inverse * right);
     in_chart.y.atan2(in_chart.x)
-}
-
-/// Connected open cells of the regions, the largest first.
-fn open_places(raster: &Raster, cells: &[GroundCell], visits: &[Visit]) -> Vec<OpenPlace> {
-    let is_open = |cell: usize| cells[cell].is_inside && visits[cell].pass == NO_VISIT.pass;
-    let mut is_seen = vec![false; cells.len()];
-    let mut found = Vec::new();
-    for first in 0..cells.len() {
-        if is_seen[first] || !is_open(first) {
-            continue;
-        }
-        is_seen[first] = true;
-        let (mut piece, mut next) = (vec![first], 0);
-        while let Some(&cell) = piece.get(next) {
-            next += 1;
-            let column = cell % raster.columns;
-            let beside = [
-                (column > 0).then(|| cell - 1),
-                (column + 1 < raster.columns).then_some(cell + 1),
-                cell.checked_sub(raster.columns),
-                Some(cell + raster.columns).filter(|&above| above < cells.len()),
-            ];
-            for other in beside.into_iter().flatten() {
-                if !is_seen[other] && is_open(other) {
-                    is_seen[other] = true;
-                    piece.push(other);
-                }
-            }
-        }
-        let area_mm2 = piece.iter().map(|&cell| cells[cell].area_mm2).sum();
-        let sum: Vector3<f64> = piece.iter().map(|&cell| cells[cell].at_mm).sum();
-        let middle = sum / piece.len() as f64;
-        let away = |cell: &usize| (cells[*cell].at_mm - middle).norm_squared();
-        let nearest = piece.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
-        let at = nearest.map_or(middle, |&cell| cells[cell].at_mm);
-        found.push(OpenPlace {
-            area_mm2,
-            at_mm: at.into(),
-        });
-    }
-    found.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
-    found
 }

@@ -9,6 +9,7 @@
 pub mod axes_at;
 pub mod curve_ratio;
 pub mod figures;
+mod ground_raster;
 pub mod ground_sweep;
 pub mod measure;
 pub mod region_raster;

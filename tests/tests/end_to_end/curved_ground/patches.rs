@@ -14,7 +14,7 @@ use headway_tests::ground_oracle::{Ground, Laid, Look, Vec3, laid};
 use std::f64::consts::TAU;
 
 /// The trunnion, its table tilting to 170° to either side, its axes long enough.
-fn tilting() -> Settings {
+pub fn tilting() -> Settings {
     let mut settings = machine("trunnion");
     settings.head = None;
     for joint in &mut settings.machine.joints {

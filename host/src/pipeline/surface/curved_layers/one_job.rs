@@ -442,6 +442,7 @@ impl OneJob {
                 regions: &laid.regions,
                 transform: &raised,
                 lowest_layer: part.first_layer,
+                joined: None,
             };
             let of_regions = |pass: u32| {
                 let own = (pass as usize).checked_sub(part.first_pass);
