@@ -51,7 +51,7 @@ use headway_geometry::polygon::Region;
 const KEPT_SHARE: f64 = 0.93;
 /// Points of a span at which walls are checked.
 const WALL_PLACES: usize = 8;
-/// Iterations with all knots; later ones have those that moved in these (trials: with two, knots that move late stay).
+/// Iterations with all knots; later ones have those that moved in these. With fewer, knots that move late stay.
 const WHOLE_ITERATIONS: usize = 4;
 
 /// A pass as a uniform cubic B-spline with natural ends: phantom points P_{-1} = 2 P_0 - P_1 make it begin and end

@@ -22,7 +22,7 @@ const ROOM: f64 = 0.25;
 const SQUARE: f64 = 0.25;
 /// Most squares: beyond that they grow.
 const SQUARES_MAX: f64 = 16e6;
-/// Share of the knots that must stay. With fewer, it saves little, and small gains of many iterations are lost (trials).
+/// Share of the knots that must stay. With fewer, it saves little, and small gains of many iterations are lost.
 const STAYING_MIN: f64 = 2.0 / 3.0;
 
 /// The smaller problem.
