@@ -104,6 +104,14 @@ pub enum SurfaceError {
         /// Place on the mesh.
         at_mm: [f64; 3],
     },
+    /// Loops around a surface that is cut into patches.
+    #[error(
+        "the surface is cut into {patches} patches, around which no skirt or brim is planned: leave it out, or print          the surface in parts that flatten"
+    )]
+    SkirtAroundPatches {
+        /// How many.
+        patches: usize,
+    },
     /// A point of an outline in space that lies off the mesh.
     #[error(
         "the outline's point ({:.3}, {:.3}, {:.3}) mm lies {off_mm:.3} mm off the surface, more than half a layer \

@@ -194,3 +194,16 @@ fn a_crease_is_refused_in_patches_as_well() {
         other => panic!("{:?}", other.map(|plan| plan.figures)),
     }
 }
+
+/// Goal: a skirt is not left out without a word. Method: a dome in patches, with one loop around it.
+#[test]
+fn a_skirt_around_patches_is_refused() {
+    let mut settings = tilting();
+    settings.skirt.loops = 1;
+    match plan_on_patch(None, &dome(5.0, 100.0, 0.5), &settings, &()) {
+        Err(PlanError::Surface(SurfaceError::SkirtAroundPatches { patches })) => {
+            assert!((2..=5).contains(&patches), "{patches}");
+        }
+        other => panic!("{:?}", other.map(|plan| plan.figures)),
+    }
+}

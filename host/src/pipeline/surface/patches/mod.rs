@@ -31,7 +31,7 @@ use crate::plan::judge::ground_sweep::{CurvedGround, Joined, LayerSwept, sweep_g
 use crate::plan::judge::measure::measure;
 use crate::plan::motion::segments::lay_segments_with_progress;
 use crate::plan::progress::Progress;
-use crate::settings::{Settings, Skirt};
+use crate::settings::Settings;
 use divide::{Share, divided, from_seam_mm, ground_of};
 use join::Join;
 
@@ -71,10 +71,10 @@ pub fn planned(
     let Some(shares) = shares.filter(|shares| shares.len() > 1) else {
         return Ok(None);
     };
-    let settings = &Settings {
-        skirt: Skirt::default(),
-        ..settings.clone()
-    };
+    if settings.skirt.loops > 0 || settings.skirt.brim_loops > 0 {
+        let patches = shares.len();
+        return Err(SurfaceError::SkirtAroundPatches { patches }.into());
+    }
     // What cannot be laid is found before any of it is planned.
     let grounds = shares.iter().map(|share| laid_share(mesh, share, settings));
     let grounds = grounds.collect::<Result<Vec<_>, _>>()?;
