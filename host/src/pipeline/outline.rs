@@ -7,7 +7,7 @@ use crate::geometry::polygon::{Box2, Region};
 use crate::input::Target;
 use crate::job::transform::PartTransform;
 use crate::pipeline::roofs::Roofs;
-use crate::plan::layers::hollow::{bridges_of, wide_spans};
+use crate::plan::layers::hollow::{Hollow, bridges_of, wide_spans};
 use crate::plan::layers::layer_groups;
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::progress::Progress;
@@ -46,8 +46,9 @@ pub fn plan_target_around(
     let outlines = vec![cleared.regions.as_slice(); settings.layers as usize];
     let (settings, mut roofs) = Roofs::settled(&outlines, settings);
     let settings = &settings;
+    let hollow = Hollow::of(&outlines, settings);
     let (kinds, layers) = layer_groups::prism_layers(settings, |layer| {
-        bridges_of(&outlines, layer as usize, settings)
+        bridges_of(hollow.as_ref(), &outlines, layer as usize, settings)
     });
     let bridges = layers.iter().flat_map(|layer| {
         let bridges = kinds[layer.kind].inside.bridges.iter();

@@ -20,6 +20,7 @@ use std::ops::Range;
 struct PartBody<'a> {
     outlines: &'a [&'a [Region]],
     settings: Settings,
+    hollow: Option<Hollow<'a>>,
     /// Of each wanted layer.
     bridges: Vec<Vec<Bridge>>,
     /// What spans much.
@@ -30,10 +31,11 @@ impl<'a> PartBody<'a> {
     /// The body of these outlines, with the bridges of the wanted layers.
     fn new(outlines: &'a [&'a [Region]], wanted: &Range<u32>, settings: &Settings) -> PartBody<'a> {
         let (settings, mut roofs) = Roofs::settled(outlines, settings);
+        let hollow = Hollow::of(outlines, &settings);
         let bridges = (0..outlines.len()).into_par_iter();
         let bridges: Vec<Vec<Bridge>> = bridges
             .map(|layer| match wanted.contains(&(layer as u32)) {
-                true => bridges_of(outlines, layer, &settings),
+                true => bridges_of(hollow.as_ref(), outlines, layer, &settings),
                 false => Vec::new(),
             })
             .collect();
@@ -43,6 +45,7 @@ impl<'a> PartBody<'a> {
         PartBody {
             outlines,
             settings,
+            hollow,
             bridges,
             roofs,
         }
@@ -72,7 +75,7 @@ impl<'a> PartBody<'a> {
 
     /// What of a solid layer lies over an inside that does not hold it.
     fn unheld(&self, layer: usize) -> Vec<Region> {
-        let hollow = Hollow::of(self.outlines, &self.settings);
+        let hollow = self.hollow.as_ref();
         hollow.map_or(Vec::new(), |hollow| hollow.unheld(layer))
     }
 }

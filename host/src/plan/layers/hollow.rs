@@ -13,6 +13,7 @@ use crate::plan::layers::bridge_ground::{Bridge, bridges, is_wide, open_space};
 use crate::plan::layers::shells::{ShellLayers, solid_ground};
 use crate::settings::{BOTTOM_LAYERS, Infill, Settings, TOP_LAYERS};
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Beads from one line of the infill to the next that a solid curved layer spans as it is: 5 at 20 %, 6.7 at 15 %.
 pub const SPAN_BEADS_MAX: f64 = 6.0;
@@ -22,9 +23,11 @@ const PITCH_BEADS_MAX: f64 = 2.0;
 const SPAN_SLACK: f64 = 1e-6;
 
 /// A part with such an inside.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Hollow<'a> {
     outlines: &'a [&'a [Region]],
+    /// Of each layer, once known: both layers beside it need it, and both for bridges and for what hangs.
+    known: Vec<KnownLayer>,
     infill: Infill,
     shells: ShellLayers,
     walls_mm: f64,
@@ -32,6 +35,25 @@ pub struct Hollow<'a> {
     /// Distance that beads extend over an edge without support.
     reach_mm: f64,
     span_max_mm: f64,
+}
+
+/// What is known of a layer.
+#[derive(Clone, Debug, Default)]
+struct KnownLayer {
+    solid: OnceLock<Vec<Region>>,
+    inside: OnceLock<Vec<Region>>,
+}
+
+/// The value of a cell, found if it is not known. Nobody waits meanwhile: a thread that finds it may be made to work on another
+/// layer that needs the same.
+fn known(cell: &OnceLock<Vec<Region>>, find: impl FnOnce() -> Vec<Region>) -> &[Region] {
+    match cell.get() {
+        Some(found) => found,
+        None => {
+            let found = find();
+            cell.get_or_init(|| found)
+        }
+    }
 }
 
 /// A bridge that spans more than it may.
@@ -60,13 +82,18 @@ pub fn shell_layers(infill: &Infill) -> ShellLayers {
     }
 }
 
-/// The bridges of a layer, where there are lines to make them of.
-pub fn bridges_of(outlines: &[&[Region]], layer: usize, settings: &Settings) -> Vec<Bridge> {
+/// The bridges of a layer, where there are lines to make them of; `hollow` is the part's inside ([`Hollow::of`]).
+pub fn bridges_of(
+    hollow: Option<&Hollow>,
+    outlines: &[&[Region]],
+    layer: usize,
+    settings: &Settings,
+) -> Vec<Bridge> {
     let below = layer.checked_sub(1);
     let (Some(below), Some(_)) = (below, &settings.infill) else {
         return Vec::new();
     };
-    match Hollow::of(outlines, settings) {
+    match hollow {
         Some(hollow) => hollow.bridges(layer),
         None => bridges(
             outlines[layer],
@@ -131,6 +158,7 @@ impl<'a> Hollow<'a> {
         let is_hollow = pct_or_pitch(infill.density_pct) > PITCH_BEADS_MAX;
         is_hollow.then_some(Hollow {
             outlines,
+            known: vec![KnownLayer::default(); outlines.len()],
             infill,
             shells: shell_layers(&infill),
             walls_mm: f64::from(infill.walls) * bead_mm,
@@ -188,7 +216,7 @@ impl<'a> Hollow<'a> {
 
     /// The part of a layer inside the walls that is not solid.
     fn sparse(&self, layer: usize) -> Vec<Region> {
-        difference(&self.inside(self.outlines[layer]), &self.solid(layer))
+        difference(self.inside(layer), self.solid(layer))
     }
 
     /// The solid area of a layer, including walls and overhangs, and the area of the one below that
@@ -200,9 +228,9 @@ impl<'a> Hollow<'a> {
         if own == under && solid == solid_below {
             return None;
         }
-        let sparse = difference(&self.inside(own), &solid);
+        let sparse = difference(self.inside(layer), solid);
         let sparse = intersection(&sparse, under);
-        let sparse_below = difference(&self.inside(under), &solid_below);
+        let sparse_below = difference(self.inside(below), solid_below);
         Some([difference(own, &sparse), difference(under, &sparse_below)])
     }
 
@@ -220,12 +248,20 @@ impl<'a> Hollow<'a> {
         open
     }
 
-    fn solid(&self, layer: usize) -> Vec<Region> {
-        solid_ground(self.outlines, layer, self.shells)
+    fn solid(&self, layer: usize) -> &[Region] {
+        known(&self.known[layer].solid, || {
+            solid_ground(self.outlines, layer, self.shells)
+        })
     }
 
-    /// What the walls leave of an outline.
-    fn inside(&self, outline: &[Region]) -> Vec<Region> {
+    /// What the walls leave of a layer.
+    fn inside(&self, layer: usize) -> &[Region] {
+        known(&self.known[layer].inside, || {
+            self.inside_of(self.outlines[layer])
+        })
+    }
+
+    fn inside_of(&self, outline: &[Region]) -> Vec<Region> {
         let corners: Vec<Point2> = outline
             .iter()
             .map(Region::bounds)
@@ -350,7 +386,7 @@ mod tests {
         assert_eq!(denser(&wide, &with(0.0, None)), None);
         let told = |density_pct: f64| {
             let settings = with(density_pct, None);
-            let bridges = bridges_of(&wide, 6, &settings);
+            let bridges = bridges_of(Hollow::of(&wide, &settings).as_ref(), &wide, 6, &settings);
             wide_spans(&wide, bridges.iter().map(|bridge| (6, bridge)), &settings)
         };
         let empty = told(0.0);
