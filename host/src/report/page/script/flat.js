@@ -44,6 +44,8 @@ const Flat = (() => {
   // The outline without what is swept: exact at every zoom. Ground between sparse lines is open on purpose.
   function drawOpen(c) {
     if (!View.flat() || !Ui.shown.open || !Ui.layer.rings.length) return;
+    // A frame that has no size yet has no pixels.
+    if (!base.width || !base.height) return;
     // The same as long as the view is: playing only moves the nozzle.
     const id = [Ui.layer.page, Ui.colour, View.x, View.y, View.scale, base.width, base.height].join();
     if (drawnOpen !== id) { sweepOpen(); drawnOpen = id; }
