@@ -209,10 +209,20 @@ impl Tool<'_> {
 }
 
 /// Edges near one span, and where its knots were when they were sought.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Near {
     edges: Vec<u32>,
     sought_at: [[f64; 3]; 4],
+}
+
+impl Near {
+    /// Not sought yet.
+    fn not_sought() -> Near {
+        Near {
+            edges: Vec::new(),
+            sought_at: [[f64::INFINITY; 3]; 4],
+        }
+    }
 }
 
 /// The terms of containment.
@@ -253,10 +263,6 @@ impl<'a> Containment<'a> {
     pub fn new(site: &Site<'a>, units: Units, knots: usize, places: usize) -> Containment<'a> {
         let (walls, aperture) = (site.walls, site.aperture);
         let segments = segments_of(walls.edges().iter().map(Edge::ends), &units);
-        let nowhere = Near {
-            edges: Vec::new(),
-            sought_at: [[f64::INFINITY; 3]; 4],
-        };
         Containment {
             walls,
             met: vec![0; segments.len()],
@@ -271,18 +277,14 @@ impl<'a> Containment<'a> {
                 .map(|s| Basis::at((s as f64 + 0.5) / places as f64))
                 .collect(),
             ends: [0.0, 1.0].map(Basis::at),
-            near: vec![nowhere; knots],
+            near: vec![Near::not_sought(); knots],
             search: 0,
         }
     }
 
     /// Forgets the edges near spans: the knots are others now.
     pub fn forget(&mut self, knots: usize) {
-        let nowhere = Near {
-            edges: Vec::new(),
-            sought_at: [[f64::INFINITY; 3]; 4],
-        };
-        self.near = vec![nowhere; knots];
+        self.near = vec![Near::not_sought(); knots];
     }
 
     /// Adds the penalty of poses nearer to a wall than the margin, except for spans whose knots all stay.

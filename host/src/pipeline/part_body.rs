@@ -55,9 +55,10 @@ impl<'a> PartBody<'a> {
     fn inside(&self, layer: u32) -> Inside {
         let infill = self.settings.infill;
         let solid = match &infill {
-            Some(infill) if !infill.is_solid() => {
-                solid_ground(self.outlines, layer as usize, shell_layers(infill))
-            }
+            Some(infill) if !infill.is_solid() => match &self.hollow {
+                Some(hollow) => hollow.solid(layer as usize).to_vec(),
+                None => solid_ground(self.outlines, layer as usize, shell_layers(infill)),
+            },
             _ => Vec::new(),
         };
         Inside {

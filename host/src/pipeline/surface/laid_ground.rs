@@ -298,6 +298,17 @@ pub fn in_chart(region: &Region, place: impl Fn(Point2) -> Point2) -> Region {
     }
 }
 
+/// What lies within the largest of these rings and outside the others; `None` without any.
+pub fn region_within(mut rings: Vec<Ring>) -> Option<Region> {
+    let area_mm2 = |ring: &Ring| ring.signed_area_mm2().abs();
+    rings.sort_by(|a, b| area_mm2(b).total_cmp(&area_mm2(a)));
+    let mut rings = rings.into_iter();
+    Some(Region {
+        exterior: rings.next()?,
+        holes: rings.collect(),
+    })
+}
+
 /// A ring of points in space in the chart.
 pub fn in_space(ring: &[Vector3<f64>], chart: &PatchChart) -> Ring {
     let place = |at: Vector3<f64>| chart.place(at);

@@ -6,7 +6,7 @@
 //! between its two longest rims, and both sides of the cut are walls.
 
 use super::error::SurfaceError;
-use super::laid_ground::divided;
+use super::laid_ground::{divided, region_within};
 use super::{MARGIN_MM, NEAR_SHARE, OFF_SHARE_MAX, middle_mm};
 use crate::geometry::Point2;
 use crate::geometry::chart::{Chart, PatchChart};
@@ -76,7 +76,7 @@ impl PatchGround {
         let chart = charted(&patch, settings)?;
         let regions = match &drawn {
             Some(drawn) => vec![drawn.in_chart(mesh, &chart.0)],
-            None => vec![rims_in_chart(&patch, &own_rims, &chart)],
+            None => Vec::from_iter(rims_in_chart(&patch, &own_rims, &chart)),
         };
         Ok(PatchGround {
             chart: chart.0,
@@ -170,8 +170,12 @@ fn add_pieces(corners: [(Vector3<f64>, Point2); 3], places: &mut Vec<(Vector3<f6
     }
 }
 
-/// The rims of a patch as a region: the longest is the exterior.
-fn rims_in_chart(patch: &Mesh, rims: &[Vec<u32>], chart: &(PatchChart, Vec<Point2>)) -> Region {
+/// The rims of a patch as a region; `None` without any.
+fn rims_in_chart(
+    patch: &Mesh,
+    rims: &[Vec<u32>],
+    chart: &(PatchChart, Vec<Point2>),
+) -> Option<Region> {
     let (chart, flat) = chart;
     let ring = |rim: &Vec<u32>| Ring {
         points: rim
@@ -182,14 +186,7 @@ fn rims_in_chart(patch: &Mesh, rims: &[Vec<u32>], chart: &(PatchChart, Vec<Point
             })
             .collect(),
     };
-    let mut rings: Vec<Ring> = rims.iter().map(ring).collect();
-    let area = |ring: &Ring| ring.signed_area_mm2().abs();
-    rings.sort_by(|a, b| area(b).total_cmp(&area(a)));
-    let exterior = rings.remove(0);
-    Region {
-        exterior,
-        holes: rings,
-    }
+    region_within(rims.iter().map(ring).collect())
 }
 
 /// An outline brought to a mesh.

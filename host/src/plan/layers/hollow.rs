@@ -248,7 +248,8 @@ impl<'a> Hollow<'a> {
         open
     }
 
-    fn solid(&self, layer: usize) -> &[Region] {
+    /// What of a layer is solid.
+    pub fn solid(&self, layer: usize) -> &[Region] {
         known(&self.known[layer].solid, || {
             solid_ground(self.outlines, layer, self.shells)
         })

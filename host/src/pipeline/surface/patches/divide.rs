@@ -6,11 +6,12 @@
 //! of planes are smooth, while a path along edges would zigzag on most meshes. Not covered: meshes without a rim.
 
 use crate::geometry::conformal::flattened;
-use crate::geometry::polygon::Region;
+use crate::geometry::polygon::Ring;
 use crate::geometry::validity::validate;
 use crate::mesh::patch::{NotManifold, chosen, cut_open, grown, rims};
 use crate::mesh::split::{AxisPlane, Clipped};
 use crate::mesh::{Mesh, Point3};
+use crate::pipeline::surface::laid_ground::region_within;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -202,23 +203,10 @@ fn range_of(patch: &Mesh, counts: &[bool], outline: Option<&Mesh>) -> Option<f64
 /// Whether a flattened patch lies nowhere on itself: its rims cross neither themselves nor each other.
 fn lies_apart(patch: &Mesh, flat: &[crate::geometry::Point2]) -> bool {
     let Ok(rims) = rims(patch) else { return false };
-    let rings = rims.iter().map(|rim| crate::geometry::polygon::Ring {
+    let rings = rims.iter().map(|rim| Ring {
         points: rim.iter().map(|vertex| flat[*vertex as usize]).collect(),
     });
-    let mut rings: Vec<_> = rings.collect();
-    rings.sort_by(|a, b| {
-        let [a, b] = [a, b].map(|ring| ring.signed_area_mm2().abs());
-        b.total_cmp(&a)
-    });
-    if rings.is_empty() {
-        return false;
-    }
-    let exterior = rings.remove(0);
-    validate(&Region {
-        exterior,
-        holes: rings,
-    })
-    .is_ok()
+    region_within(rings.collect()).is_some_and(|region| validate(&region).is_ok())
 }
 
 /// How near a place is to the seams of a share, mm.

@@ -13,7 +13,7 @@
 mod divide;
 mod join;
 
-use super::laid_ground::{Seams, in_space};
+use super::laid_ground::{Seams, in_space, region_within};
 use super::patch_ground::{charted, normals};
 use super::{ChartJob, Held, OnSurface, PlacedRoute, Routed, SurfaceError, passes_of, placed};
 use crate::geometry::chart::PatchChart;
@@ -144,11 +144,6 @@ fn region_in(part: &Mesh, chart: &PatchChart) -> Result<Region, SurfaceError> {
             .map(|vertex| part.vertices[*vertex as usize].coords);
         in_space(&points.collect::<Vec<_>>(), chart)
     });
-    let mut rings: Vec<_> = rings.collect();
-    rings.sort_by(|a, b| {
-        let [a, b] = [a, b].map(|ring| ring.signed_area_mm2().abs());
-        b.total_cmp(&a)
-    });
     let at_mm = part
         .vertices
         .first()
@@ -160,18 +155,8 @@ fn region_in(part: &Mesh, chart: &PatchChart) -> Result<Region, SurfaceError> {
         problem: FlattenError::Empty,
         at_mm,
     };
-    if rings.is_empty() {
-        return Err(not_flat);
-    }
-    let exterior = rings.remove(0);
-    let region = Region {
-        exterior,
-        holes: rings,
-    };
-    match validate(&region) {
-        Ok(()) => Ok(region),
-        Err(_) => Err(not_flat),
-    }
+    let region = region_within(rings.collect()).filter(|region| validate(region).is_ok());
+    region.ok_or(not_flat)
 }
 
 /// The motion of joined patches, and what it covers.
