@@ -49,9 +49,16 @@ pub fn grown(regions: &[Region], by_mm: f64) -> Vec<Region> {
         return regions.to_vec();
     }
     let style = OutlineStyle::new(by_mm).line_join(LineJoin::Round(ARC_STEP_RAD));
-    let shapes = paths(regions.iter().flat_map(Region::rings)).outline_as::<i64>(&style);
+    let rings = paths(regions.iter().flat_map(Region::rings));
+    // Too large for this grid: the finest that holds it.
+    let shapes = rings.outline_fixed_scale_as::<i64>(&style, OFFSET_CELLS_PER_MM);
+    let shapes = shapes.unwrap_or_else(|_| rings.outline_as::<i64>(&style));
     shapes.into_iter().filter_map(region_of).collect()
 }
+
+/// Grid of offsets: 2^-30 mm. Their crossings are resolved from one cell on, which cannot be chosen, and the finest grid has cells of
+/// 2^-53 mm for 100 mm, far below the rounding of a coordinate: edges that nearly coincide then cross anew in every round.
+const OFFSET_CELLS_PER_MM: f64 = (1_u64 << 30) as f64;
 
 /// Angle of one chord of an arc: the least that the offsetting takes.
 const ARC_STEP_RAD: f64 = 0.01 * std::f64::consts::PI;
