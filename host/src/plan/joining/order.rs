@@ -32,7 +32,7 @@ pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec
         .collect();
     let lengths = Lengths {
         link_mm: LENGTH_SHARE * aperture.major_mm(),
-        interruption_mm: INTERRUPTION * aperture.unit_mm(),
+        interruption_mm: interruption_mm(aperture),
     };
     let order = two_opt(&entry_points, greedy(&entry_points, from), from, lengths);
     let mut position = from;
@@ -226,6 +226,11 @@ impl Progress {
         }
         progress.cost_mm
     }
+}
+
+/// What an interruption of flow counts as, mm of path.
+pub fn interruption_mm(aperture: &Aperture) -> f64 {
+    INTERRUPTION * aperture.unit_mm()
 }
 
 /// What an interruption of flow counts as, of the aperture's unit: retraction, priming and their time.

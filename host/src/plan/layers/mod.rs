@@ -3,6 +3,7 @@
 //! ```text
 //! Contour --region_plan--> RegionPlan --layer_groups--> LayerGroup, RegionPrint, PlanePass
 //! (mm, local)              (mm, rad)                    (alike layers once; machine coordinates)
+//! passes --one_heading--> the cheaper of those that turn and those of one heading, optimised
 //! outline --skirt--> SkirtPlan (loops around the first layer)
 //! outlines --bridge_ground--> Bridge (what spans open space, and in which direction)
 //! outlines, infill --hollow--> the same of roofs over a sparse or empty inside
@@ -15,6 +16,7 @@ pub mod bridge_ground;
 pub mod hollow;
 pub mod inside;
 pub mod layer_groups;
+pub mod one_heading;
 pub mod optimised_passes;
 pub mod region_plan;
 pub mod shells;

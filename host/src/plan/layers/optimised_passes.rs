@@ -13,6 +13,7 @@ use crate::plan::curve::even_spans::even_spans;
 use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened, whole_inside};
 use crate::plan::curve::pushing_inside::{InsideWalls, strayed_spans};
 use crate::plan::joining::gap_fill::fill_gaps;
+use crate::plan::joining::order::interruption_mm;
 use crate::plan::pass::{LayerPass, PassKind, Placement};
 use crate::plan::pose_limits::{AreaPrice, pose_limits, price_s_mm2};
 use crate::settings::{Quality, Settings};
@@ -42,29 +43,116 @@ fn is_known(pass: &LayerPass) -> bool {
     covers_ground && !pass.placements.is_empty()
 }
 
-/// Optimises the passes of a region together, except for sparse lines and bridges, whose area is `left_out` of
-/// `ground_mm2`. The uncovered area then gets gap-fill moves, with which they are optimised again. The placements of
-/// passes with a curve become poses of it.
+/// The ground of a region, for its optimisation.
+#[derive(Clone, Copy, Debug)]
+pub struct Ground<'a> {
+    /// Edges that the beads stay within.
+    pub walls: &'a EdgeIndex,
+    /// Area inside them, mm².
+    pub area_mm2: f64,
+    /// What of it belongs to sparse lines and bridges.
+    pub left_out: &'a [Region],
+    /// Size of the nozzle by position, on a curved surface.
+    pub scale: Option<&'a ScaleField>,
+}
+
+/// Optimises the passes of a region together, except for sparse lines and bridges. The uncovered area then gets gap-fill
+/// moves, with which they are optimised again. The placements of passes with a curve become poses of it.
 pub fn optimised(
-    passes: &mut [LayerPass],
-    walls: &EdgeIndex,
-    ground_mm2: f64,
-    left_out: &[Region],
-    scale: Option<&ScaleField>,
+    passes: Vec<LayerPass>,
+    ground: &Ground,
     settings: &Settings,
-) -> Vec<PassCurve> {
-    let mut curves = vec![None; passes.len()];
+) -> (Vec<LayerPass>, Vec<PassCurve>) {
+    let found = begun(passes, ground, settings).finished(ground, settings);
+    (found.passes, found.curves)
+}
+
+/// Optimised passes of a region.
+#[derive(Default)]
+pub struct FinishedPasses {
+    /// The passes, with gap-fill moves.
+    pub passes: Vec<LayerPass>,
+    /// For each its curve.
+    pub curves: Vec<PassCurve>,
+    /// The objective, s ([`BegunPasses::cost_s`]).
+    pub cost_s: Option<f64>,
+}
+
+/// Passes of a region after their first optimisation.
+pub struct BegunPasses {
+    passes: Vec<LayerPass>,
+    /// Those that the optimiser knows.
+    numbers: Vec<usize>,
+    known: Vec<LayerPass>,
+    begun: Vec<Begun>,
+    /// `None` where the optimiser does not apply.
+    reached: Option<Reached>,
+}
+
+impl BegunPasses {
+    /// The objective, s: seconds of motion, the price of ground that is left open or laid twice, and a flow interruption for
+    /// each pass. `None` where the optimiser does not know all passes.
+    pub fn cost_s(&self, settings: &Settings) -> Option<f64> {
+        self.cost_after_s(self.reached, settings)
+    }
+
+    fn cost_after_s(&self, reached: Option<Reached>, settings: &Settings) -> Option<f64> {
+        let is_all = self.numbers.len() == self.passes.len();
+        let reached = reached.filter(|_| is_all)?;
+        let interrupted_s = self.passes.len() as f64 * interruption_s(settings);
+        Some(reached.cost_s + interrupted_s)
+    }
+
+    /// The passes with gap-fill moves, and their curves.
+    pub fn finished(self, ground: &Ground, settings: &Settings) -> FinishedPasses {
+        let (found, reached) = with_job(ground, settings, |job| {
+            job.finished(self.known.clone(), self.begun.clone(), self.reached)
+        });
+        let cost_s = self.cost_after_s(reached, settings);
+        let mut passes = self.passes;
+        let mut curves = vec![None; passes.len()];
+        for (number, (pass, curve)) in self.numbers.into_iter().zip(found) {
+            passes[number] = pass;
+            curves[number] = curve;
+        }
+        FinishedPasses {
+            passes,
+            curves,
+            cost_s,
+        }
+    }
+}
+
+/// The time that an interruption of flow counts as.
+pub fn interruption_s(settings: &Settings) -> f64 {
+    interruption_mm(&settings.aperture) / pose_limits(settings).tip_speed_mm_s
+}
+
+/// The first optimisation of the passes of a region.
+pub fn begun(passes: Vec<LayerPass>, ground: &Ground, settings: &Settings) -> BegunPasses {
     let numbers: Vec<usize> = (0..passes.len())
         .filter(|&i| is_known(&passes[i]))
         .collect();
-    let known: Vec<LayerPass> = numbers.iter().map(|&i| passes[i].clone()).collect();
+    let mut known: Vec<LayerPass> = numbers.iter().map(|&i| passes[i].clone()).collect();
+    let (begun, reached) = with_job(ground, settings, |job| job.begin(&mut known));
+    BegunPasses {
+        passes,
+        numbers,
+        known,
+        begun,
+        reached,
+    }
+}
+
+fn with_job<T>(ground: &Ground, settings: &Settings, work: impl FnOnce(&RegionJob) -> T) -> T {
+    let (walls, left_out) = (ground.walls, ground.left_out);
     let filled_to = (!left_out.is_empty()).then(|| {
         let others = left_out.iter().flat_map(Region::edges);
         let edges = walls.edges().iter().copied();
         let edges = edges.chain(others.map(|(a, b)| Edge { a, b }));
         EdgeIndex::new(edges.collect(), settings.aperture.major_mm())
     });
-    let job = RegionJob {
+    work(&RegionJob {
         filled_to: filled_to.as_ref().unwrap_or(walls),
         site: Site {
             walls,
@@ -72,16 +160,19 @@ pub fn optimised(
             aperture: &settings.aperture,
             limits: &pose_limits(settings),
             width_by_radius_max: None,
-            scale,
+            scale: ground.scale,
         },
         settings,
-        ground_mm2: ground_mm2 - left_out.iter().map(Region::area_mm2).sum::<f64>(),
-    };
-    for (number, (pass, curve)) in numbers.into_iter().zip(job.optimised(known)) {
-        passes[number] = pass;
-        curves[number] = curve;
-    }
-    curves
+        ground_mm2: ground.area_mm2 - left_out.iter().map(Region::area_mm2).sum::<f64>(),
+    })
+}
+
+/// What a run of the optimiser reached.
+#[derive(Clone, Copy, Debug)]
+struct Reached {
+    open_mm2: f64,
+    /// Its objective, s.
+    cost_s: f64,
 }
 
 /// A pass in the optimiser.
@@ -112,20 +203,34 @@ struct RegionJob<'a> {
 }
 
 impl RegionJob<'_> {
-    /// The passes, with gap-fill moves, and their curves.
-    fn optimised(&self, mut passes: Vec<LayerPass>) -> Vec<(LayerPass, PassCurve)> {
+    /// The passes after the first optimisation; `None` if it does not apply.
+    fn begin(&self, passes: &mut [LayerPass]) -> (Vec<Begun>, Option<Reached>) {
         let mut begun: Vec<Begun> = passes.iter().map(|pass| self.begun(pass)).collect();
-        let [first, again] = iterations(self.settings.quality);
+        let [first, _] = iterations(self.settings.quality);
         let bound = self.settings.wide_beads.width_by_radius_max();
         let unrounded = bound.map(|bound| (bound, begun.clone()));
-        let Some(open_mm2) = self.run(&mut begun, first, None) else {
-            self.fill(&mut passes, 1.0);
-            return passes.into_iter().map(|pass| (pass, None)).collect();
-        };
-        if let Some((bound, unrounded)) = unrounded {
-            self.round(&mut begun, unrounded, bound, open_mm2);
+        let reached = self.run(&mut begun, first, None);
+        if let Some(Reached { open_mm2, .. }) = reached {
+            if let Some((bound, unrounded)) = unrounded {
+                self.round(&mut begun, unrounded, bound, open_mm2);
+            }
+            take(passes, &mut begun);
         }
-        take(&mut passes, &mut begun);
+        (begun, reached)
+    }
+
+    /// The passes, with gap-fill moves, and their curves.
+    fn finished(
+        &self,
+        mut passes: Vec<LayerPass>,
+        mut begun: Vec<Begun>,
+        mut reached: Option<Reached>,
+    ) -> (Vec<(LayerPass, PassCurve)>, Option<Reached>) {
+        let Some(Reached { open_mm2, .. }) = reached else {
+            self.fill(&mut passes, 1.0);
+            return (passes.into_iter().map(|pass| (pass, None)).collect(), None);
+        };
+        let [_, again] = iterations(self.settings.quality);
         let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
         let price_shares = match is_little(open_mm2) {
             true => &FILL_SHARES[..1],
@@ -140,9 +245,10 @@ impl RegionJob<'_> {
                     *begun = self.begun(pass);
                 }
             }
-            let open_mm2 = self.run(&mut begun, again, None);
+            let again = self.run(&mut begun, again, None);
             take(&mut passes, &mut begun);
-            if open_mm2.is_some_and(is_little) {
+            reached = again.or(reached);
+            if again.is_some_and(|again| is_little(again.open_mm2)) {
                 break;
             }
         }
@@ -162,7 +268,7 @@ impl RegionJob<'_> {
             pass.placements = placements_on(&control, |i| pass.placements[number(i)]);
             (pass, Some(control.into()))
         });
-        curves.collect()
+        (curves.collect(), reached)
     }
 
     /// A pass in even spans.
@@ -189,35 +295,40 @@ impl RegionJob<'_> {
         let before_mm = tight_mm(begun);
         if before_mm > 0.0
             && (self.run(&mut rounded, ROUNDING, Some(bound)))
-                .is_some_and(|rounded_mm2| rounded_mm2 - open_mm2 < OPEN_SHARE * self.ground_mm2)
+                .is_some_and(|rounded| rounded.open_mm2 - open_mm2 < OPEN_SHARE * self.ground_mm2)
             && tight_mm(&rounded) <= 0.5 * before_mm
         {
             *begun = rounded;
         }
     }
 
-    /// One run of the optimiser: the area open afterwards, mm²; `None` if it does not apply.
+    /// One run of the optimiser; `None` if it does not apply.
     fn run(
         &self,
         begun: &mut [Begun],
         iterations: usize,
         width_by_radius_max: Option<f64>,
-    ) -> Option<f64> {
+    ) -> Option<Reached> {
         let mut unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
         let effort = Effort { iterations };
         let site = Site {
             width_by_radius_max,
             ..self.site
         };
-        let report = optimise(&mut unknowns, &site, &objective(self.settings), &effort);
+        let objective = objective(self.settings);
+        let report = optimise(&mut unknowns, &site, &objective, &effort);
         if report.outcome != Outcome::Optimised {
             return None;
         }
         for (begun, unknown) in begun.iter_mut().zip(unknowns) {
             begun.unknown = unknown;
         }
-        let [_, open_mm2] = report.open_mm2;
-        Some(open_mm2)
+        let ([_, open_mm2], [_, twice_mm2]) = (report.open_mm2, report.twice_mm2);
+        let area_mm2 = open_mm2 + objective.twice_share * twice_mm2;
+        Some(Reached {
+            open_mm2,
+            cost_s: report.seconds[1] + objective.price_s_mm2 * area_mm2,
+        })
     }
 
     /// Adds gap-fill moves at this share of the price; whether there are any.

@@ -23,7 +23,8 @@ use crate::plan::headings::profile::turn_weight_mm4;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::layers::bridge_ground::is_wide;
 use crate::plan::layers::inside::Inside;
-use crate::plan::layers::optimised_passes::{PassCurve, optimised};
+use crate::plan::layers::one_heading::least_costly;
+use crate::plan::layers::optimised_passes::{Ground, PassCurve, optimised};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
@@ -379,23 +380,19 @@ impl RegionWork {
     pub fn in_order(mut self) -> RegionPlan {
         let frame = self.frame;
         let passes = std::mem::take(&mut self.passes);
-        let mut passes = self.ordered(passes);
-        let optimised = |passes: &mut [LayerPass]| {
-            let (walls, left_out) = (&self.walls, &self.sparse_open);
-            optimised(
-                passes,
-                walls,
-                self.hull.area_mm2(),
-                left_out,
-                self.scale.as_ref(),
-                &self.settings,
-            )
+        let ground = Ground {
+            walls: &self.walls,
+            area_mm2: self.hull.area_mm2(),
+            left_out: &self.sparse_open,
+            scale: self.scale.as_ref(),
         };
-        let mut curves = optimised(&mut passes);
+        let how = pass_settings(&self.settings);
+        let turning = self.ordered(passes);
+        let finished = least_costly(turning, &self.hull, &ground, &how, &self.settings);
+        let (mut passes, mut curves) = (finished.passes, finished.curves);
         let cutter = PassCutter::new(&passes, &self.walls, &frame, &self.settings);
         if let Some(pieces) = cutter.cut() {
-            passes = pieces;
-            curves = optimised(&mut passes);
+            (passes, curves) = optimised(pieces, &ground, &self.settings);
         }
         // Lines that are linked with walls come after them.
         let is_solid = |infill: Infill| infill.is_solid();
