@@ -3,7 +3,8 @@
 use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
-use super::object_settings::{ObjectInfill, PartObject};
+use super::layers::HeightRange;
+use super::object_settings::{OwnSettings, PartObject, Zone};
 use super::orient::{Reoriented, orient};
 use super::surface_region::SurfaceRegion;
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
@@ -68,8 +69,61 @@ pub(super) struct RawMesh {
     pub colours: Vec<[u8; 3]>,
     /// Colours of the mesh's triangles, if it has any.
     pub triangle_colours: Vec<Option<[u8; 3]>>,
-    /// Objects with settings of their own: the corners of their boxes in the file, and these.
-    pub objects: Vec<(Option<String>, Vec<Point3>, ObjectInfill)>,
+    /// Objects with settings of their own.
+    pub objects: Vec<RawObject>,
+    /// Layer heights above the lowest point, mm.
+    pub heights: Vec<HeightRange>,
+}
+
+/// An object with settings of its own, as a file has it.
+pub(super) struct RawObject {
+    pub name: Option<String>,
+    /// Of its box in the file.
+    pub corners: Vec<Point3>,
+    pub own: OwnSettings,
+    pub zones: Vec<Zone>,
+}
+
+impl RawObject {
+    fn points(&mut self) -> impl Iterator<Item = &mut Point3> {
+        let zones = self.zones.iter_mut();
+        let zones = zones.flat_map(|zone| &mut zone.mesh.vertices);
+        self.corners.iter_mut().chain(zones)
+    }
+
+    /// Its volumes closed; those that cannot be are left out, and noted.
+    fn closed(self, notes: &mut Vec<String>) -> PartObject {
+        let RawObject {
+            name,
+            corners,
+            own,
+            zones,
+        } = self;
+        let corners = Mesh {
+            vertices: corners,
+            triangles: Vec::new(),
+        };
+        let mut closing = Closing::default();
+        let mut close = |mesh: Mesh| {
+            check_numbers(&mesh, 0)?;
+            check_reach(&mesh)?;
+            closing.close(mesh)
+        };
+        let mut zone = |zone: Zone| match close(zone.mesh) {
+            Ok(mesh) => Some(Zone { mesh, ..zone }),
+            Err(error) => {
+                let name = zone.name.as_deref().unwrap_or("a volume");
+                notes.push(format!("settings of {name} are not followed: {error}"));
+                None
+            }
+        };
+        PartObject {
+            name,
+            bounds_mm: corners.bounds_mm(),
+            own,
+            zones: zones.into_iter().filter_map(&mut zone).collect(),
+        }
+    }
 }
 
 /// A closed mesh and notes on how it was read.
@@ -83,6 +137,8 @@ pub struct LoadedMesh {
     pub carved: Vec<Carved>,
     /// Objects with settings of their own.
     pub objects: Vec<PartObject>,
+    /// Layer heights that it asks for, upwards from its lowest point.
+    pub heights: Vec<HeightRange>,
     /// One line for each repair.
     pub notes: Vec<String>,
 }
@@ -110,10 +166,13 @@ pub fn read(
         mesh,
         carved,
         name: own_name,
-        notes,
+        mut notes,
         objects,
+        heights,
         ..
     } = raw;
+    let objects = objects.into_iter().map(|object| object.closed(&mut notes));
+    let objects: Vec<PartObject> = objects.collect();
     let mut closing = Closing {
         notes,
         mended: Mended::default(),
@@ -130,7 +189,8 @@ pub fn read(
                 })
             })
             .collect::<Result<_, MeshError>>()?,
-        objects: objects.into_iter().map(PartObject::of_corners).collect(),
+        objects,
+        heights,
         notes: Vec::new(),
     };
     if loaded.solids().all(|mesh| mesh.triangles.is_empty()) {
@@ -192,6 +252,7 @@ pub(super) fn bounds_mm<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> [Point3; 
 }
 
 /// Closes meshes, and sums up the repairs.
+#[derive(Default)]
 struct Closing {
     notes: Vec<String>,
     mended: Mended,
@@ -302,9 +363,21 @@ fn read_raw(
     if triangles == 0 {
         return Err(MeshError::Empty);
     }
-    for corner in raw.objects.iter_mut().flat_map(|(_, corners, _)| corners) {
-        let p = Point3::from(corner.coords * factor);
-        *corner = turn.iter().fold(p, |p, turn| turn(p));
+    for point in raw.objects.iter_mut().flat_map(RawObject::points) {
+        let p = Point3::from(point.coords * factor);
+        *point = turn.iter().fold(p, |p, turn| turn(p));
+    }
+    if options.rotate_rad[..2].iter().any(|angle| *angle != 0.0) && !raw.heights.is_empty() {
+        raw.heights.clear();
+        raw.notes.push(
+            "layer heights of objects are not followed once these are turned over".to_string(),
+        );
+    }
+    // Heights are those of the part, layers those of the print.
+    let grown = factor / raw.unit_mm;
+    for range in &mut raw.heights {
+        range.from_mm *= grown;
+        range.to_mm *= grown;
     }
     check_size(raw.solids())?;
     Ok(raw)
@@ -430,14 +503,22 @@ fn check_size<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<(), MeshErro
             metres: size_text(size_mm.map(|mm| 1000.0 * mm)),
         });
     }
-    let middle = nalgebra::center(&low, &high);
-    if middle.coords.amax() > FAR_MAX_MM {
-        return Err(MeshError::TooFar {
-            at: At3(middle),
+    check_place(nalgebra::center(&low, &high))
+}
+
+/// Volumes that are no material may be larger than a part.
+fn check_reach(mesh: &Mesh) -> Result<(), MeshError> {
+    mesh.vertices.iter().try_for_each(|p| check_place(*p))
+}
+
+fn check_place(at: Point3) -> Result<(), MeshError> {
+    match at.coords.amax() > FAR_MAX_MM {
+        true => Err(MeshError::TooFar {
+            at: At3(at),
             max_mm: FAR_MAX_MM,
-        });
+        }),
+        false => Ok(()),
     }
-    Ok(())
 }
 
 fn notes_of(cleaned: Cleaned, turned: Reoriented, gaps: ClosedGaps) -> Vec<String> {

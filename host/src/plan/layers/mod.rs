@@ -14,6 +14,7 @@
 pub mod bridge_ground;
 pub mod hollow;
 pub mod inside;
+pub mod inside_ground;
 pub mod layer_groups;
 pub mod optimised_passes;
 pub mod region_plan;
@@ -22,6 +23,7 @@ pub mod skirt;
 
 use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::pass::PassKind;
+use crate::settings::kinds::Kinds;
 use std::sync::Arc;
 
 /// A pass ready to be printed: its curve in the layer plane.
@@ -29,6 +31,8 @@ use std::sync::Arc;
 pub struct PlanePass {
     /// Its kind, for pictures.
     pub kind: PassKind,
+    /// Speeds and flows by kind, where they are not the job's.
+    pub asked: Option<Kinds>,
     /// Layer from 0.
     pub layer: u32,
     /// Tip height, mm.
