@@ -475,4 +475,64 @@ mod tests {
         assert!((empty[0].span_mm - 55.2).abs() < 0.01 && empty[0].is_roof);
         assert_eq!(told(density_pct), []);
     }
+
+    /// Goal: where volumes have other infills, a roof goes across lines where all that it spans are near enough, and from wall
+    /// to wall where some are not; over ground that is dense it is none. Method: the box of 20 mm, of which one half has
+    /// another density; areas and spans by hand.
+    #[test]
+    fn a_roof_over_several_infills_goes_over_the_sparsest() {
+        let own = square(20.0);
+        let outlines = [own.as_slice(); 8];
+        let side = |from: f64, to: f64| {
+            let corners = [[from, 0.0], [to, 0.0], [to, 20.0], [from, 20.0]];
+            intersection(&own, &[region(&[&corners])])
+        };
+        let mixed = |densities: [f64; 2]| {
+            let layers = (0..8).map(|layer| {
+                let is_shell = !(2..6).contains(&layer);
+                let halves = [side(0.0, 10.0), side(10.0, 20.0)];
+                let (sparse, dense): (Vec<_>, Vec<_>) = (densities.into_iter().zip(halves))
+                    .partition(|(pct, _)| Hollow::is_sparse(*pct));
+                let dense = dense.into_iter().flat_map(|(_, half)| half);
+                MixedLayer {
+                    inside: inside_walls(&own, 2.4, 1.2),
+                    dense: match is_shell {
+                        true => own.to_vec(),
+                        false => dense.collect(),
+                    },
+                    sparse,
+                }
+            });
+            Hollow::of_mixed(&outlines, layers.collect(), &with(20.0, None))
+        };
+        for (densities, span_mm, over_lines, wide_mm) in [
+            ([20.0, 10.0], 10.8, true, 15.2),
+            ([20.0, 0.0], 15.2, false, 15.2),
+            ([20.0, 60.0], 4.8, true, 7.6),
+            ([0.0, 60.0], 7.6, false, 7.6),
+        ] {
+            let hollow = mixed(densities).expect("hollow");
+            for layer in 0..8 {
+                let spans = hollow.bridges(layer);
+                assert_eq!(area_mm2(&hollow.unheld(layer)), 0.0);
+                if layer != 6 {
+                    assert_eq!(spans, [], "{layer}");
+                    continue;
+                }
+                assert_eq!(spans.len(), 1, "{densities:?}: {spans:?}");
+                assert_eq!(spans[0].over_lines, over_lines, "{densities:?}");
+                let (found_mm, bridged_mm2) = (spans[0].span_mm, area_mm2(&spans[0].ground));
+                assert!(
+                    (found_mm - span_mm).abs() < 0.01,
+                    "{densities:?}: {found_mm}"
+                );
+                let asked_mm2 = wide_mm * 15.2;
+                assert!(
+                    (bridged_mm2 - asked_mm2).abs() < 0.2,
+                    "{densities:?}: {bridged_mm2}"
+                );
+            }
+        }
+        assert!(mixed([60.0, 100.0]).is_none());
+    }
 }

@@ -6,5 +6,6 @@ mod bridges;
 mod infill;
 mod keep_out;
 mod method_figures;
+mod own_settings;
 mod stacks;
 mod volume;
