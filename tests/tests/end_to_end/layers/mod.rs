@@ -8,4 +8,5 @@ mod keep_out;
 mod method_figures;
 mod own_settings;
 mod stacks;
+mod told_ground;
 mod volume;
