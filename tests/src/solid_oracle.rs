@@ -171,8 +171,8 @@ impl Raster {
             let heights = &up_to[row * columns..][..columns];
             let height2 = |column: usize| heights[column] * heights[column];
             let mut count = 0;
-            for column in 0..columns {
-                if heights[column] >= far {
+            for (column, height) in heights.iter().enumerate() {
+                if *height >= far {
                     continue;
                 }
                 let own = height2(column) + (column * column) as f32;
@@ -208,8 +208,8 @@ impl Raster {
 
     /// What of a layer should be solid: the walls, and what one of the layers next to it does not have. Walls are as wide as
     /// the widest beads, but around ground that may be open they may share their width with one bead more. Left out are
-    /// cells that the outline may cut; strips beside walls that are thinner than the narrowest bead; and what is nearer than half of
-    /// that bead to ground that may be open, since beads vary.
+    /// cells that the outline may cut; strips beside walls that are thinner than the narrowest bead; and what is nearer than
+    /// half of that bead to ground that may be open, since beads vary.
     pub fn solid(&self, layers: &[Vec<bool>], layer: usize, rule: &SolidRule) -> Vec<bool> {
         let own = &layers[layer];
         let outside: Vec<bool> = own.iter().map(|inside| !inside).collect();

@@ -4,11 +4,14 @@ use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
 use super::layers::HeightRange;
-use super::object_settings::{OwnSettings, PartObject, Zone};
+use super::object_settings::PartObject;
 use super::orient::{Reoriented, orient};
+use super::raw_mesh::RawObject;
 use super::surface_region::SurfaceRegion;
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
 use crate::text::short_number::Short;
+
+pub(super) use super::raw_mesh::RawMesh;
 
 /// Most triangles that are read: 1 GB while they are sorted.
 pub const TRIANGLES_MAX: usize = 8_000_000;
@@ -50,78 +53,6 @@ impl Default for MeshOptions {
             unit_mm: None,
             scale: 1.0,
             rotate_rad: [0.0; 3],
-        }
-    }
-}
-
-/// What a file holds, before anything is checked.
-#[derive(Default)]
-pub(super) struct RawMesh {
-    pub mesh: Mesh,
-    /// Material, and the volumes subtracted from it.
-    pub carved: Vec<(Mesh, Mesh)>,
-    pub name: Option<String>,
-    pub unit_mm: f64,
-    pub notes: Vec<String>,
-    /// Names that the file gives to runs of the mesh's triangles.
-    pub groups: Vec<(String, Vec<std::ops::Range<usize>>)>,
-    /// Colours of the mesh's vertices, if it has any.
-    pub colours: Vec<[u8; 3]>,
-    /// Colours of the mesh's triangles, if it has any.
-    pub triangle_colours: Vec<Option<[u8; 3]>>,
-    /// Objects with settings of their own.
-    pub objects: Vec<RawObject>,
-    /// Layer heights above the lowest point, mm.
-    pub heights: Vec<HeightRange>,
-}
-
-/// An object with settings of its own, as a file has it.
-pub(super) struct RawObject {
-    pub name: Option<String>,
-    /// Of its box in the file.
-    pub corners: Vec<Point3>,
-    pub own: OwnSettings,
-    pub zones: Vec<Zone>,
-}
-
-impl RawObject {
-    fn points(&mut self) -> impl Iterator<Item = &mut Point3> {
-        let zones = self.zones.iter_mut();
-        let zones = zones.flat_map(|zone| &mut zone.mesh.vertices);
-        self.corners.iter_mut().chain(zones)
-    }
-
-    /// Its volumes closed; those that cannot be are left out, and noted.
-    fn closed(self, notes: &mut Vec<String>) -> PartObject {
-        let RawObject {
-            name,
-            corners,
-            own,
-            zones,
-        } = self;
-        let corners = Mesh {
-            vertices: corners,
-            triangles: Vec::new(),
-        };
-        let mut closing = Closing::default();
-        let mut close = |mesh: Mesh| {
-            check_numbers(&mesh, 0)?;
-            check_reach(&mesh)?;
-            closing.close(mesh)
-        };
-        let mut zone = |zone: Zone| match close(zone.mesh) {
-            Ok(mesh) => Some(Zone { mesh, ..zone }),
-            Err(error) => {
-                let name = zone.name.as_deref().unwrap_or("a volume");
-                notes.push(format!("settings of {name} are not followed: {error}"));
-                None
-            }
-        };
-        PartObject {
-            name,
-            bounds_mm: corners.bounds_mm(),
-            own,
-            zones: zones.into_iter().filter_map(&mut zone).collect(),
         }
     }
 }
@@ -171,8 +102,7 @@ pub fn read(
         heights,
         ..
     } = raw;
-    let objects = objects.into_iter().map(|object| object.closed(&mut notes));
-    let objects: Vec<PartObject> = objects.collect();
+    let objects = closed_objects(objects, &mut notes);
     let mut closing = Closing {
         notes,
         mended: Mended::default(),
@@ -199,6 +129,20 @@ pub fn read(
     let mut notes = closing.told();
     notes.extend(unit_note(&loaded).filter(|_| is_without_unit));
     Ok(LoadedMesh { notes, ..loaded })
+}
+
+/// Objects with their volumes closed, which may be larger than a part.
+fn closed_objects(objects: Vec<RawObject>, notes: &mut Vec<String>) -> Vec<PartObject> {
+    let mut closing = Closing::default();
+    let mut close = |mesh: Mesh| {
+        check_numbers(&mesh, 0)?;
+        mesh.vertices.iter().try_for_each(|p| check_place(*p))?;
+        closing.close(mesh)
+    };
+    let objects = objects.into_iter();
+    objects
+        .map(|object| object.closed(&mut close, notes))
+        .collect()
 }
 
 /// Volumes below which coordinates are more likely inches, and metres, than mm: the threshold of
@@ -504,11 +448,6 @@ fn check_size<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<(), MeshErro
         });
     }
     check_place(nalgebra::center(&low, &high))
-}
-
-/// Volumes that are no material may be larger than a part.
-fn check_reach(mesh: &Mesh) -> Result<(), MeshError> {
-    mesh.vertices.iter().try_for_each(|p| check_place(*p))
 }
 
 fn check_place(at: Point3) -> Result<(), MeshError> {

@@ -8,8 +8,9 @@
 //! file; otherwise an object that is missing in its own model is searched for in the others. Volumes that
 //! are not material (modifiers, support blockers and enforcers) are omitted, negative ones are subtracted
 //! from their object. Walls, density, solid layers and speeds of objects, of their volumes and of ranges of heights are
-//! followed, and seams and layer heights of objects; other settings of a project are not applied, and reported. Where a region of the mesh is asked for, its triangles keep the names of the objects and volumes
-//! they are of, and their colours. Not covered: materials and textures.
+//! followed, and seams and layer heights of objects; other settings of a project are not applied, and reported. Where a
+//! region of the mesh is asked for, its triangles keep the names of the objects and volumes they are of, and their colours.
+//! Not covered: materials and textures.
 
 mod model;
 mod own_settings;
@@ -18,20 +19,20 @@ mod ranges;
 mod roles;
 #[cfg(test)]
 mod tests;
+mod transform;
 mod unfollowed;
 mod xml;
 
-use super::layers::HeightRange;
 use super::object_settings::{OwnSettings, Zone};
 use super::read::{RawMesh, TRIANGLES_MAX, syntax};
-use super::{Mesh, MeshError, Point3};
+use super::{Mesh, MeshError};
 use model::{Item, Model, Object, Transform, UNMOVED};
-use own_settings::PlacedObject;
+use own_settings::{Asked, PlacedObject};
 use package::{Files, files};
-use ranges::Ranges;
 use roles::{KeyValues, Role, Roles};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::BTreeMap;
 use std::ops::Range;
+use transform::{append, chained};
 use unfollowed::Aside;
 
 const FORMAT: &str = "3MF";
@@ -109,62 +110,6 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
     })
 }
 
-/// What is followed of the settings of a project.
-struct Asked {
-    objects: Vec<PlacedObject>,
-    /// Objects whose settings are followed, and modifiers of no object.
-    ids: BTreeSet<usize>,
-    /// Layer heights of the job, mm.
-    heights: Vec<HeightRange>,
-    entangled: Option<String>,
-    ranges_notes: Vec<String>,
-}
-
-impl Asked {
-    fn of(
-        (placed, loose, loose_ids): (Vec<PlacedObject>, &[Zone], Vec<usize>),
-        ranges: &Ranges,
-        root: &Model,
-        roles: &Roles,
-    ) -> Asked {
-        let numbers = ranges::numbers(root, roles);
-        let numbered = placed.into_iter().map(|object| {
-            let number = numbers.get(&object.id).copied();
-            (object, number)
-        });
-        let mut placed: Vec<(PlacedObject, Option<usize>)> = numbered.collect();
-        let (heights, mut ranges_notes) = ranges.heights(&placed);
-        for (object, number) in &mut placed {
-            if let Some(own) = ranges.of(*number) {
-                object.add_ranges(own, root.unit_mm);
-            }
-        }
-        let alone = own_settings::alone(&mut placed, loose);
-        let entangled = alone.err();
-        ranges_notes.extend(ranges.settings_notes(&placed, entangled.is_none()));
-        let objects = placed.into_iter().map(|(object, _)| object);
-        let objects: Vec<PlacedObject> = match entangled {
-            Some(_) => Vec::new(),
-            None => objects.filter(PlacedObject::asks).collect(),
-        };
-        let of_object = |object: &PlacedObject| {
-            let modifiers = object.modifiers.iter().copied();
-            modifiers.chain([object.id]).collect::<Vec<usize>>()
-        };
-        let mut ids: BTreeSet<usize> = objects.iter().flat_map(of_object).collect();
-        if !objects.is_empty() {
-            ids.extend(loose_ids);
-        }
-        Asked {
-            objects,
-            ids,
-            heights,
-            entangled,
-            ranges_notes,
-        }
-    }
-}
-
 /// What all items come to.
 #[derive(Default)]
 struct Built<'a> {
@@ -221,30 +166,6 @@ fn owned(groups: BTreeMap<&str, Vec<Range<usize>>>) -> Vec<(String, Vec<Range<us
 
 fn problem(what: &str) -> MeshError {
     syntax(FORMAT, format!("{what}; export it again"))
-}
-
-fn moved(p: Point3, m: &Transform) -> Point3 {
-    let along = |i: usize| p.x * m[i] + p.y * m[3 + i] + p.z * m[6 + i] + m[9 + i];
-    Point3::new(along(0), along(1), along(2))
-}
-
-/// First `inner`, then `outer`.
-fn chained(inner: &Transform, outer: &Transform) -> Transform {
-    let mut chained = [0.0; 12];
-    for row in 0..4 {
-        for column in 0..3 {
-            let own = (0..3).map(|k| inner[3 * row + k] * outer[3 * k + column]);
-            let shift = if row == 3 { outer[9 + column] } else { 0.0 };
-            chained[3 * row + column] = own.sum::<f64>() + shift;
-        }
-    }
-    chained
-}
-
-/// True where a transform is a mirror image: outside becomes inside.
-fn mirrors(m: &Transform) -> bool {
-    let rows = nalgebra::Matrix3::from_row_slice(&m[..9]);
-    rows.determinant() < 0.0
 }
 
 /// The material of an item, and the volumes cut from it.
@@ -484,7 +405,7 @@ impl<'a> Placing<'a> {
                 return;
             }
         };
-        append(mesh, object, triangles, place);
+        append(mesh, object, triangles, &place.transform);
         if place.role == Role::Negative {
             self.aside.push(place.role, name);
         }
@@ -510,7 +431,7 @@ impl<'a> Placing<'a> {
             return;
         }
         let mut mesh = Mesh::default();
-        append(&mut mesh, object, triangles, place);
+        append(&mut mesh, object, triangles, &place.transform);
         if place.role == Role::Modifier {
             self.item.modifiers.push(object.id);
         }
@@ -533,23 +454,6 @@ impl<'a> Placing<'a> {
     /// True where nothing was left out: a mesh without triangles is then just empty.
     fn is_all_printed(&self, root: &Model, items: &[&Item]) -> bool {
         self.aside.is_empty() && root.items.len() == items.len()
-    }
-}
-
-/// Adds triangles of an object as they are placed.
-fn append(mesh: &mut Mesh, object: &Object, triangles: Range<usize>, place: &Place) {
-    let is_mirrored = mirrors(&place.transform);
-    let mut numbers: HashMap<u32, u32> = HashMap::new();
-    for triangle in &object.triangles[triangles] {
-        let [a, b, c] = triangle.map(|vertex| {
-            *numbers.entry(vertex).or_insert_with(|| {
-                let p = object.vertices[vertex as usize];
-                mesh.vertices.push(moved(p, &place.transform));
-                mesh.vertices.len() as u32 - 1
-            })
-        });
-        let triangle = if is_mirrored { [a, c, b] } else { [a, b, c] };
-        mesh.triangles.push(triangle);
     }
 }
 

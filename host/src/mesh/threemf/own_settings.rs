@@ -3,12 +3,14 @@
 //! In: the objects of the build as they are placed (the file's unit), what slicers keep of them. Out: those that have
 //! settings of their own, with their volumes that do, if each stands alone.
 
-use super::model::Object;
-use super::ranges::RangesOfObject;
+use super::model::{Model, Object};
+use super::ranges::{Ranges, RangesOfObject, numbers};
 use super::roles::{KeyValues, Role, Roles};
+use crate::mesh::layers::HeightRange;
 use crate::mesh::object_settings::{OwnSettings, Zone};
-use crate::mesh::read::RawObject;
+use crate::mesh::raw_mesh::RawObject;
 use crate::mesh::{Mesh, Point3};
+use std::collections::BTreeSet;
 
 /// An object of the build, once placed.
 pub(super) struct PlacedObject {
@@ -142,10 +144,7 @@ fn of_object<'a>(
 ///
 /// # Errors
 /// The note.
-pub(super) fn alone(
-    placed: &mut [(PlacedObject, Option<usize>)],
-    loose: &[Zone],
-) -> Result<(), String> {
+fn alone(placed: &mut [(PlacedObject, Option<usize>)], loose: &[Zone]) -> Result<(), String> {
     for (object, _) in placed.iter_mut() {
         let own = loose
             .iter()
@@ -167,5 +166,62 @@ pub(super) fn alone(
                 .to_string(),
         ),
         false => Ok(()),
+    }
+}
+
+/// What is followed of the settings of a project.
+pub(super) struct Asked {
+    pub objects: Vec<PlacedObject>,
+    /// Objects whose settings are followed, and modifiers of no object.
+    pub ids: BTreeSet<usize>,
+    /// Layer heights of the job, mm.
+    pub heights: Vec<HeightRange>,
+    pub entangled: Option<String>,
+    pub ranges_notes: Vec<String>,
+}
+
+impl Asked {
+    /// Of placed objects, and modifiers of no object with the objects that they are.
+    pub fn of(
+        (placed, loose, loose_ids): (Vec<PlacedObject>, &[Zone], Vec<usize>),
+        ranges: &Ranges,
+        root: &Model,
+        roles: &Roles,
+    ) -> Asked {
+        let numbers = numbers(root, roles);
+        let numbered = placed.into_iter().map(|object| {
+            let number = numbers.get(&object.id).copied();
+            (object, number)
+        });
+        let mut placed: Vec<(PlacedObject, Option<usize>)> = numbered.collect();
+        let (heights, mut ranges_notes) = ranges.heights(&placed);
+        for (object, number) in &mut placed {
+            if let Some(own) = ranges.of(*number) {
+                object.add_ranges(own, root.unit_mm);
+            }
+        }
+        let alone = alone(&mut placed, loose);
+        let entangled = alone.err();
+        ranges_notes.extend(ranges.settings_notes(&placed, entangled.is_none()));
+        let objects = placed.into_iter().map(|(object, _)| object);
+        let objects: Vec<PlacedObject> = match entangled {
+            Some(_) => Vec::new(),
+            None => objects.filter(PlacedObject::asks).collect(),
+        };
+        let of_object = |object: &PlacedObject| {
+            let modifiers = object.modifiers.iter().copied();
+            modifiers.chain([object.id]).collect::<Vec<usize>>()
+        };
+        let mut ids: BTreeSet<usize> = objects.iter().flat_map(of_object).collect();
+        if !objects.is_empty() {
+            ids.extend(loose_ids);
+        }
+        Asked {
+            objects,
+            ids,
+            heights,
+            entangled,
+            ranges_notes,
+        }
     }
 }

@@ -30,7 +30,7 @@ use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::pose_limits::pose_limits;
 use crate::settings::kinds::Kinds;
-use crate::settings::{Infill, PassMode, Seam, Settings};
+use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -251,31 +251,26 @@ impl RegionWork {
         })
     }
 
-    /// The region with its passes, unordered: walls with these lines inside, or loops.
-    pub fn with_passes(
-        &self,
-        Inside {
-            infill,
-            solid,
-            bridges,
-            areas,
-            kinds,
-            seam,
-        }: &Inside,
-    ) -> RegionWork {
+    /// The region with the settings that it is printed with.
+    fn asked(&self, inside: &Inside) -> RegionWork {
         let mut work = self.clone();
-        work.kinds = *kinds;
-        if let Some(seam) = seam {
-            work.settings.seam = Seam {
-                direction_rad: self.frame.angle_in(seam.direction_rad),
-                ..*seam
-            };
+        work.kinds = inside.kinds;
+        let settings = &mut work.settings;
+        if let Some(seam) = inside.seam {
+            settings.seam = seam;
+            settings.seam.direction_rad = self.frame.angle_in(seam.direction_rad);
         }
-        let how = pass_settings(&self.settings);
-        work.settings.infill = infill.map(|infill| Infill {
+        settings.infill = inside.infill.map(|infill| Infill {
             angle_rad: self.frame.angle_in(infill.angle_rad),
             ..infill
         });
+        work
+    }
+
+    /// The region with its passes, unordered: walls with these lines inside, or loops.
+    pub fn with_passes(&self, inside: &Inside) -> RegionWork {
+        let mut work = self.asked(inside);
+        let how = pass_settings(&self.settings);
         match &work.settings.infill {
             None => work.passes = passes(&self.hull, &self.walls, &self.axis, &how),
             Some(infill) => {
@@ -290,7 +285,7 @@ impl RegionWork {
                     aperture: &self.settings.aperture,
                 };
                 let mut over: [Vec<Region>; 2] = Default::default();
-                for bridge in bridges {
+                for bridge in &inside.bridges {
                     let over_air = ground.bridged(&bridge.ground, &rest);
                     let angle_rad = self.frame.angle_in(bridge.angle_rad);
                     let (lines, loops) = match bridge.over_lines {
@@ -305,10 +300,10 @@ impl RegionWork {
                     over[usize::from(bridge.over_lines)].extend(over_air);
                 }
                 let [bridged, roofed] = over;
-                let is_one = areas.is_empty();
+                let is_one = inside.areas.is_empty();
                 let [solid, sparse] = match infill.is_solid() && is_one {
                     true => [rest, Vec::new()],
-                    false => ground.divided(&rest, solid),
+                    false => ground.divided(&rest, &inside.solid),
                 };
                 let filled = Infill {
                     density_pct: infill.density_pct.max(100.0),
@@ -319,7 +314,7 @@ impl RegionWork {
                 work.is_mixed = parts.iter().filter(|part| !part.is_empty()).count() > 1;
                 work.sparse = match is_one {
                     true => infill_passes(&sparse, infill, &how),
-                    false => ground.lines_of(&sparse, areas, &how),
+                    false => ground.lines_of(&sparse, &inside.areas, &how),
                 };
                 for line in &mut work.sparse {
                     line.kind = PassKind::Sparse;
