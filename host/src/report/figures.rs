@@ -96,10 +96,6 @@ pub struct Figures {
     /// Largest connected uncovered area of the layers that are to be filled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open_largest_mm2: Option<f64>,
-    /// Uncovered areas of a part from half the square of the narrowest bead on, the largest first, at most a thousand; one on
-    /// several layers once, with the height of the lowest.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub open_places: Option<Vec<LayerPlace>>,
     /// Largest number of layers on which the same tenth of a millimetre is uncovered, away from the
     /// outline.
     #[serde(skip_serializing_if = "Option::is_none")]

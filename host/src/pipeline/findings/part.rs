@@ -79,19 +79,7 @@ fn all_figures(
         place_mm,
         settings,
     );
-    let open = planned.printed.open.iter();
-    let open = open.filter(|open| open.area_mm2 >= 0.5 * open_ground::least_mm2(settings));
-    let open = open.map(|open| LayerPlace {
-        x_mm: open.at.x,
-        y_mm: open.at.y,
-        z_mm: part.layers[open.layer as usize].top_mm,
-        area_mm2: open.area_mm2,
-    });
-    let figures = Figures {
-        open_places: Some(open.collect()),
-        ..part_figures(part, planned, keep_out)
-    };
-    figures
+    part_figures(part, planned, keep_out)
         .merged_with(&of_uses)
         .merged_with(&stacked_figures(&planned.printed.open_cells))
 }

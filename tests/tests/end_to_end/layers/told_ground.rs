@@ -23,9 +23,8 @@ const LEAST_MM2: f64 = 0.1;
 const HEIGHT_MM: f64 = 0.2;
 /// A reported place lies in the open area, or no farther from it than what the planner's coarser raster blurs and joins.
 const NEAR_MM: f64 = 0.4;
-/// Of an area the planner's raster may miss a seam; less than this is not in the figures.
+/// Of an area the planner's raster may miss a seam.
 const SHARE: f64 = 0.5;
-const TOLD_MM2: f64 = 0.08;
 
 /// A ring of points at angles.
 fn turned(count: usize, place: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 2]> {
@@ -257,8 +256,7 @@ fn rings_of(regions: &[Region]) -> Rings {
 /// True where the report has a place of that size in or beside an open area of a layer.
 fn is_told(plan: &PartPlan, layer: u32, area: &OpenArea) -> bool {
     let is_it = |at: Point2, area_mm2: f64| {
-        let least_mm2 = TOLD_MM2.max(SHARE * area.area_mm2);
-        area_mm2 >= least_mm2 && area.away_mm([at.x, at.y]) <= NEAR_MM
+        area_mm2 >= SHARE * area.area_mm2 && area.away_mm([at.x, at.y]) <= NEAR_MM
     };
     let open = plan.printed.open.iter();
     let is_on = |open: &&OpenGround| match open.layers {
