@@ -35,6 +35,8 @@ pub struct OraclePose {
     pub heading_rad: f64,
     /// Pass.
     pub pass: u32,
+    /// Layer, from 0.
+    pub layer: u32,
     /// Path within the pass.
     pub path_mm: f64,
 }
@@ -103,12 +105,10 @@ pub fn print_poses(stream: &SegmentStream, offset_mm: [f64; 2], step_mm: f64) ->
     let mut last: Option<([f64; 3], u32)> = None;
     for n in 0..stream.knots.len() {
         let (from, to) = (curve.times[n + 3], curve.times[n + 4]);
-        let Some(mark) = stream
+        let begun = stream
             .marks
-            .iter()
-            .rev()
-            .find(|m| m.start_tick as f64 <= from)
-        else {
+            .partition_point(|m| m.start_tick as f64 <= from);
+        let Some(mark) = begun.checked_sub(1).map(|number| &stream.marks[number]) else {
             continue;
         };
         let (MotionState::Print, Some(pass)) = (mark.state, mark.pass) else {
@@ -136,6 +136,7 @@ pub fn print_poses(stream: &SegmentStream, offset_mm: [f64; 2], step_mm: f64) ->
                 y_mm: at[1] - offset_mm[1],
                 heading_rad: at[2],
                 pass,
+                layer: mark.layer,
                 path_mm,
             });
         }

@@ -2,7 +2,8 @@
 //! clock), [`gear`] (the six-axis job that bytes are measured with), [`layer_oracle`] (coverage
 //! from the knots alone), [`ground_oracle`] (the same on curved
 //! ground) and [`judge`] (a plan before it), [`segment_oracle`] (what a stream does,
-//! by de Boor), [`dense_search`] (the published grid search for headings), [`routes`] and
+//! by de Boor), [`solid_oracle`] (what of a part should be solid, and is open), [`dense_search`] (the published grid search
+//! for headings), [`routes`] and
 //! [`outlines`] (of any size), [`beads`] (as they are laid), [`centre_line`] (a slicer's, against the
 //! stream), [`written_path`] (a stream against what was written of it), [`rs274`] (another interpreter of
 //! G-code), [`plain_gcode`] (one of printers' files),
@@ -33,6 +34,7 @@ pub mod rig;
 pub mod routes;
 pub mod rs274;
 pub mod segment_oracle;
+pub mod solid_oracle;
 pub mod thermal;
 pub mod two_hosts;
 pub mod written_path;

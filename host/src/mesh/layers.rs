@@ -49,7 +49,55 @@ impl LayerHeights {
             false => Err(MeshError::FirstLayerHeight { height_mm }),
         }
     }
+
+    /// Takes the heights that a project asks for, where none are given and no layer is higher than `most_mm`, `None` for
+    /// machines that take one height only; `is_first_free` if the first layer has no height of its own. Returns a note on
+    /// what was done.
+    pub fn follow(
+        &mut self,
+        asked: &[HeightRange],
+        most_mm: Option<f64>,
+        is_first_free: bool,
+    ) -> Option<String> {
+        let first = asked.first()?;
+        let Some(most_mm) = most_mm else {
+            let what = "layer heights of the project are not followed: a machine whose joints wind up takes one height";
+            return Some(what.to_string());
+        };
+        let is_height = |range: &HeightRange| {
+            (LAYER_MM[0]..=LAYER_MM[1].min(most_mm)).contains(&range.layer_mm)
+                && (0.0..range.to_mm).contains(&range.from_mm)
+        };
+        let is_after = |pair: &[HeightRange]| pair[1].from_mm >= pair[0].to_mm;
+        let first_mm = match is_first_free && first.from_mm <= 0.0 {
+            true => first.fitted_mm(first.to_mm),
+            false => self.first_mm,
+        };
+        if !asked.iter().all(is_height) || !asked.windows(2).all(is_after) {
+            let most = Short((most_mm * 1e3).round() / 1e3);
+            return Some(format!(
+                "layer heights of the project are not followed: they are not ascending, or above the {most} mm that the \
+                 widest bead is wide: {}",
+                Self::asked_text(asked)
+            ));
+        }
+        self.first_mm = first_mm;
+        let beyond = asked.iter().filter(|range| range.to_mm > first_mm);
+        self.ranges = beyond.copied().collect();
+        Some("layer heights of the project are followed; --layer-heights replaces them".to_string())
+    }
+
+    fn asked_text(asked: &[HeightRange]) -> String {
+        let ranges = asked.iter().take(BANDS_TOLD).map(|range| {
+            let [from, to, layer] = [range.from_mm, range.to_mm, range.layer_mm].map(Short);
+            format!("{from}-{to}:{layer}")
+        });
+        ranges.collect::<Vec<_>>().join(",")
+    }
 }
+
+/// Ranges and bands that are reported one by one.
+const BANDS_TOLD: usize = 12;
 
 /// Layers of a height of their own.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -210,7 +258,11 @@ impl LayerHeights {
             told[0].layers += 1.0;
         }
         let top_mm = told.last()?.top_mm();
-        let lines = told.iter().map(|band| {
+        let more = match told.len().saturating_sub(BANDS_TOLD) {
+            0 => String::new(),
+            more => format!(", and {more} more up to {top_mm:.3} mm"),
+        };
+        let lines = told.iter().take(BANDS_TOLD).map(|band| {
             let mm = |mm: f64| Short((mm * 1e4).round() / 1e4);
             let is_first = band.layers == 1.0 && band.from_mm == 0.0;
             format!(
@@ -231,7 +283,7 @@ impl LayerHeights {
             0 => String::new(),
             count => format!("; {count} of the ranges lie above the part"),
         };
-        (!self.ranges.is_empty()).then(|| format!("layers: {lines}{beyond}"))
+        (!self.ranges.is_empty()).then(|| format!("layers: {lines}{more}{beyond}"))
     }
 }
 

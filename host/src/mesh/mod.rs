@@ -23,6 +23,7 @@ mod obj;
 pub mod object_settings;
 mod orient;
 pub mod patch;
+mod raw_mesh;
 mod read;
 pub mod slice;
 pub mod split;

@@ -3,11 +3,15 @@
 use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
-use super::object_settings::{ObjectInfill, PartObject};
+use super::layers::HeightRange;
+use super::object_settings::PartObject;
 use super::orient::{Reoriented, orient};
+use super::raw_mesh::RawObject;
 use super::surface_region::SurfaceRegion;
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
 use crate::text::short_number::Short;
+
+pub(super) use super::raw_mesh::RawMesh;
 
 /// Most triangles that are read: 1 GB while they are sorted.
 pub const TRIANGLES_MAX: usize = 8_000_000;
@@ -53,25 +57,6 @@ impl Default for MeshOptions {
     }
 }
 
-/// What a file holds, before anything is checked.
-#[derive(Default)]
-pub(super) struct RawMesh {
-    pub mesh: Mesh,
-    /// Material, and the volumes subtracted from it.
-    pub carved: Vec<(Mesh, Mesh)>,
-    pub name: Option<String>,
-    pub unit_mm: f64,
-    pub notes: Vec<String>,
-    /// Names that the file gives to runs of the mesh's triangles.
-    pub groups: Vec<(String, Vec<std::ops::Range<usize>>)>,
-    /// Colours of the mesh's vertices, if it has any.
-    pub colours: Vec<[u8; 3]>,
-    /// Colours of the mesh's triangles, if it has any.
-    pub triangle_colours: Vec<Option<[u8; 3]>>,
-    /// Objects with settings of their own: the corners of their boxes in the file, and these.
-    pub objects: Vec<(Option<String>, Vec<Point3>, ObjectInfill)>,
-}
-
 /// A closed mesh and notes on how it was read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedMesh {
@@ -83,6 +68,8 @@ pub struct LoadedMesh {
     pub carved: Vec<Carved>,
     /// Objects with settings of their own.
     pub objects: Vec<PartObject>,
+    /// Layer heights that it asks for, upwards from its lowest point.
+    pub heights: Vec<HeightRange>,
     /// One line for each repair.
     pub notes: Vec<String>,
 }
@@ -110,10 +97,12 @@ pub fn read(
         mesh,
         carved,
         name: own_name,
-        notes,
+        mut notes,
         objects,
+        heights,
         ..
     } = raw;
+    let objects = closed_objects(objects, &mut notes);
     let mut closing = Closing {
         notes,
         mended: Mended::default(),
@@ -130,7 +119,8 @@ pub fn read(
                 })
             })
             .collect::<Result<_, MeshError>>()?,
-        objects: objects.into_iter().map(PartObject::of_corners).collect(),
+        objects,
+        heights,
         notes: Vec::new(),
     };
     if loaded.solids().all(|mesh| mesh.triangles.is_empty()) {
@@ -139,6 +129,20 @@ pub fn read(
     let mut notes = closing.told();
     notes.extend(unit_note(&loaded).filter(|_| is_without_unit));
     Ok(LoadedMesh { notes, ..loaded })
+}
+
+/// Objects with their volumes closed, which may be larger than a part.
+fn closed_objects(objects: Vec<RawObject>, notes: &mut Vec<String>) -> Vec<PartObject> {
+    let mut closing = Closing::default();
+    let mut close = |mesh: Mesh| {
+        check_numbers(&mesh, 0)?;
+        mesh.vertices.iter().try_for_each(|p| check_place(*p))?;
+        closing.close(mesh)
+    };
+    let objects = objects.into_iter();
+    objects
+        .map(|object| object.closed(&mut close, notes))
+        .collect()
 }
 
 /// Volumes below which coordinates are more likely inches, and metres, than mm: the threshold of
@@ -192,6 +196,7 @@ pub(super) fn bounds_mm<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> [Point3; 
 }
 
 /// Closes meshes, and sums up the repairs.
+#[derive(Default)]
 struct Closing {
     notes: Vec<String>,
     mended: Mended,
@@ -302,9 +307,21 @@ fn read_raw(
     if triangles == 0 {
         return Err(MeshError::Empty);
     }
-    for corner in raw.objects.iter_mut().flat_map(|(_, corners, _)| corners) {
-        let p = Point3::from(corner.coords * factor);
-        *corner = turn.iter().fold(p, |p, turn| turn(p));
+    for point in raw.objects.iter_mut().flat_map(RawObject::points) {
+        let p = Point3::from(point.coords * factor);
+        *point = turn.iter().fold(p, |p, turn| turn(p));
+    }
+    if options.rotate_rad[..2].iter().any(|angle| *angle != 0.0) && !raw.heights.is_empty() {
+        raw.heights.clear();
+        raw.notes.push(
+            "layer heights of objects are not followed once these are turned over".to_string(),
+        );
+    }
+    // Heights are those of the part, layers those of the print.
+    let grown = factor / raw.unit_mm;
+    for range in &mut raw.heights {
+        range.from_mm *= grown;
+        range.to_mm *= grown;
     }
     check_size(raw.solids())?;
     Ok(raw)
@@ -430,14 +447,17 @@ fn check_size<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<(), MeshErro
             metres: size_text(size_mm.map(|mm| 1000.0 * mm)),
         });
     }
-    let middle = nalgebra::center(&low, &high);
-    if middle.coords.amax() > FAR_MAX_MM {
-        return Err(MeshError::TooFar {
-            at: At3(middle),
+    check_place(nalgebra::center(&low, &high))
+}
+
+fn check_place(at: Point3) -> Result<(), MeshError> {
+    match at.coords.amax() > FAR_MAX_MM {
+        true => Err(MeshError::TooFar {
+            at: At3(at),
             max_mm: FAR_MAX_MM,
-        });
+        }),
+        false => Ok(()),
     }
-    Ok(())
 }
 
 fn notes_of(cleaned: Cleaned, turned: Reoriented, gaps: ClosedGaps) -> Vec<String> {

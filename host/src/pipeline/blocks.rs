@@ -151,6 +151,11 @@ fn may_divide(settings: &Settings) -> bool {
     winds(&settings.machine.kinematics) == 0
 }
 
+/// The highest layer that the widest bead can print; `None` where joints wind up, and all layers are of one height.
+pub fn highest_layer_mm(settings: &Settings) -> Option<f64> {
+    may_divide(settings).then(|| 2.0 * settings.aperture.major_mm())
+}
+
 fn is_as_high(layer: &TargetLayer, settings: &Settings) -> bool {
     (layer.height_mm - settings.layer_height_mm).abs() < 1e-9
 }
@@ -191,7 +196,7 @@ fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> S
 /// The next layers of the same settings, as many as are planned at a time, and how many they are.
 fn gather<'a>(
     layers: &'a [TargetLayer],
-    bodies: &PartBodies,
+    bodies: &'a PartBodies,
     keep_out: &'a [Region],
     settings: &Settings,
     transform: PartTransform,
@@ -231,7 +236,8 @@ fn gather<'a>(
         if layer.regions.is_empty() {
             continue;
         }
-        let own = layer.regions.as_slice();
+        let own = bodies.walled(layer.number);
+        let own = own.unwrap_or(&layer.regions);
         let outline = known.iter().position(|known| *known == own);
         let outline = outline.unwrap_or_else(|| {
             known.push(own);

@@ -7,27 +7,32 @@
 //! Slicers store objects in separate model files next to the one with the build: a component names the
 //! file; otherwise an object that is missing in its own model is searched for in the others. Volumes that
 //! are not material (modifiers, support blockers and enforcers) are omitted, negative ones are subtracted
-//! from their object. Walls, density and solid layers of objects are followed; other settings of a project are not
-//! applied, and reported. Where a region of the mesh is asked for, its triangles keep the names of the objects and volumes
-//! they are of, and their colours. Not covered: materials and textures.
+//! from their object. Walls, density, solid layers and speeds of objects, of their volumes and of ranges of heights are
+//! followed, and seams and layer heights of objects; other settings of a project are not applied, and reported. Where a
+//! region of the mesh is asked for, its triangles keep the names of the objects and volumes they are of, and their colours.
+//! Not covered: materials and textures.
 
 mod model;
 mod own_settings;
 mod package;
+mod ranges;
 mod roles;
 #[cfg(test)]
 mod tests;
+mod transform;
 mod unfollowed;
 mod xml;
 
+use super::object_settings::{OwnSettings, Zone};
 use super::read::{RawMesh, TRIANGLES_MAX, syntax};
-use super::{Mesh, MeshError, Point3};
+use super::{Mesh, MeshError};
 use model::{Item, Model, Object, Transform, UNMOVED};
-use own_settings::PlacedObject;
+use own_settings::{Asked, PlacedObject};
 use package::{Files, files};
-use roles::{Role, Roles};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use roles::{KeyValues, Role, Roles};
+use std::collections::BTreeMap;
 use std::ops::Range;
+use transform::{append, chained};
 use unfollowed::Aside;
 
 const FORMAT: &str = "3MF";
@@ -43,6 +48,7 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
     let Files {
         models,
         roles,
+        ranges,
         unfollowed,
     } = &files;
     let mut builds = models.iter().filter(|model| !model.items.is_empty());
@@ -62,7 +68,7 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
     let items: Vec<&Item> = root.items.iter().filter(|item| item.is_printable).collect();
     // Counted before anything is made of it.
     for item in &items {
-        placing.add(item, root, &Place::of(item))?;
+        placing.add(item, root, &Place::of(item.object))?;
     }
     placing.only_counts = false;
     placing.placed.clear();
@@ -70,6 +76,8 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
         mesh,
         carved,
         placed,
+        loose,
+        loose_ids,
         groups,
         colours,
     } = placing.built(root, &items)?;
@@ -82,15 +90,11 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
     }
     placing.aside.switched_off = root.items.len() - items.len();
     let objects = placing.placed_objects();
-    let (followed, entangled) = own_settings::followed(placed);
-    let ids: BTreeSet<usize> = followed.iter().map(|object| object.id).collect();
-    notes.extend(entangled);
-    notes.extend(unfollowed::notes(
-        unfollowed,
-        &placing.aside,
-        roles,
-        (&objects, &ids),
-    ));
+    let asked = Asked::of((placed, &loose, loose_ids), ranges, root, roles);
+    notes.extend(asked.entangled);
+    let others = unfollowed::notes(unfollowed, &placing.aside, roles, (&objects, &asked.ids));
+    notes.extend(others);
+    notes.extend(asked.ranges_notes);
     let named = root.objects.iter().find_map(|o| o.name.clone());
     Ok(RawMesh {
         mesh,
@@ -100,7 +104,8 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
         notes,
         groups: owned(groups),
         triangle_colours: colours,
-        objects: followed.into_iter().map(PlacedObject::told).collect(),
+        objects: asked.objects.into_iter().map(PlacedObject::told).collect(),
+        heights: asked.heights,
         ..RawMesh::default()
     })
 }
@@ -112,6 +117,9 @@ struct Built<'a> {
     /// Items from which volumes are cut, with these.
     carved: Vec<(Mesh, Mesh)>,
     placed: Vec<PlacedObject>,
+    /// Modifiers of no object, and the objects that they are.
+    loose: Vec<Zone>,
+    loose_ids: Vec<usize>,
     /// Runs of the mesh's triangles by name.
     groups: BTreeMap<&'a str, Vec<Range<usize>>>,
     colours: Vec<Option<[u8; 3]>>,
@@ -122,13 +130,16 @@ impl<'a> Placing<'a> {
     fn built(&mut self, root: &'a Model, items: &[&'a Item]) -> Result<Built<'a>, MeshError> {
         let mut built = Built::default();
         for item in items {
-            self.add(item, root, &Place::of(item))?;
+            self.add(item, root, &Place::of(self.kept(item, root).0))?;
             let body = std::mem::take(&mut self.item);
             let Body { solid, cut, .. } = body;
-            if !solid.triangles.is_empty() {
-                let object = self.object(item, root).map(|(object, _)| object);
-                let placed = PlacedObject::new(item.object, object, self.roles, &solid);
-                built.placed.push(placed);
+            if solid.triangles.is_empty() {
+                built.loose.extend(body.zones);
+                built.loose_ids.extend(body.modifiers);
+            } else {
+                let own = (&solid, body.zones, body.modifiers);
+                let kept = self.kept(item, root);
+                built.placed.push(PlacedObject::new(kept, self.roles, own));
             }
             if !cut.triangles.is_empty() && !solid.triangles.is_empty() {
                 built.carved.push((solid, cut));
@@ -157,35 +168,15 @@ fn problem(what: &str) -> MeshError {
     syntax(FORMAT, format!("{what}; export it again"))
 }
 
-fn moved(p: Point3, m: &Transform) -> Point3 {
-    let along = |i: usize| p.x * m[i] + p.y * m[3 + i] + p.z * m[6 + i] + m[9 + i];
-    Point3::new(along(0), along(1), along(2))
-}
-
-/// First `inner`, then `outer`.
-fn chained(inner: &Transform, outer: &Transform) -> Transform {
-    let mut chained = [0.0; 12];
-    for row in 0..4 {
-        for column in 0..3 {
-            let own = (0..3).map(|k| inner[3 * row + k] * outer[3 * k + column]);
-            let shift = if row == 3 { outer[9 + column] } else { 0.0 };
-            chained[3 * row + column] = own.sum::<f64>() + shift;
-        }
-    }
-    chained
-}
-
-/// True where a transform is a mirror image: outside becomes inside.
-fn mirrors(m: &Transform) -> bool {
-    let rows = nalgebra::Matrix3::from_row_slice(&m[..9]);
-    rows.determinant() < 0.0
-}
-
 /// The material of an item, and the volumes cut from it.
 #[derive(Default)]
 struct Body<'a> {
     solid: Mesh,
     cut: Mesh,
+    /// Volumes with settings of their own, and material after them.
+    zones: Vec<Zone>,
+    /// Objects that are modifiers by their own settings.
+    modifiers: Vec<usize>,
     /// Runs of the solid's triangles by the names of what they are of.
     named: Vec<(&'a str, Range<usize>)>,
     /// Colours of the solid's triangles.
@@ -194,21 +185,24 @@ struct Body<'a> {
 
 /// Where an object is placed.
 #[derive(Clone, Copy)]
-struct Place {
+struct Place<'a> {
     /// The object of the build that it is part of.
     top: usize,
     transform: Transform,
     /// What the objects around it are.
     role: Role,
+    /// What the volume that it is of asks for.
+    own: Option<&'a KeyValues>,
     depth: usize,
 }
 
-impl Place {
-    fn of(item: &Item) -> Place {
+impl Place<'_> {
+    fn of(top: usize) -> Place<'static> {
         Place {
-            top: item.object,
+            top,
             transform: UNMOVED,
             role: Role::Part,
+            own: None,
             depth: 0,
         }
     }
@@ -250,7 +244,22 @@ impl<'a> Placing<'a> {
         std::iter::once(model).chain(others).find_map(in_model)
     }
 
-    fn add(&mut self, item: &Item, model: &'a Model, outer: &Place) -> Result<(), MeshError> {
+    /// The number under which settings of an item's object are kept, and that object. PrusaSlicer makes an object of each
+    /// further instance, with the first one as its only component.
+    fn kept(&self, item: &Item, root: &'a Model) -> (usize, Option<&'a Object>) {
+        let Some((object, model)) = self.object(item, root) else {
+            return (item.object, None);
+        };
+        match object.first_instance() {
+            Some(first) if !self.roles.objects.contains_key(&item.object) => {
+                let base = self.object(first, model).map(|(object, _)| object);
+                (first.object, base)
+            }
+            _ => (item.object, Some(object)),
+        }
+    }
+
+    fn add(&mut self, item: &Item, model: &'a Model, outer: &Place<'a>) -> Result<(), MeshError> {
         let (id, max) = (item.object, DEPTH_MAX);
         if outer.depth > max {
             return Err(MeshError::TooDeep { id, max });
@@ -269,6 +278,10 @@ impl<'a> Placing<'a> {
             role: match own_role {
                 Role::Part => object.role(),
                 role => role,
+            },
+            own: match (own_role, object.role()) {
+                (Role::Part, Role::Modifier) => Some(&object.settings),
+                _ => volume.map(|volume| &volume.settings).or(outer.own),
             },
             ..*outer
         };
@@ -301,7 +314,7 @@ impl<'a> Placing<'a> {
     fn add_object(
         &mut self,
         object: &'a Object,
-        place: &Place,
+        place: &Place<'a>,
         name: Option<&'a String>,
     ) -> Result<(), MeshError> {
         if self.only_counts {
@@ -325,7 +338,17 @@ impl<'a> Placing<'a> {
             let name = volume.name.as_ref();
             let role = volume.role;
             self.add_triangles(object, next..first, place, None);
-            self.add_triangles(object, first..end, &Place { role, ..*place }, name);
+            let own = Some(&volume.settings);
+            self.add_triangles(
+                object,
+                first..end,
+                &Place {
+                    role,
+                    own,
+                    ..*place
+                },
+                name,
+            );
             next = end.max(next);
         }
         self.add_triangles(object, next..all.end, place, None);
@@ -349,9 +372,9 @@ impl<'a> Placing<'a> {
     /// Some of an object's triangles, by their role.
     fn add_triangles(
         &mut self,
-        object: &Object,
+        object: &'a Object,
         triangles: Range<usize>,
-        place: &Place,
+        place: &Place<'a>,
         name: Option<&'a String>,
     ) {
         if triangles.is_empty() {
@@ -373,6 +396,7 @@ impl<'a> Placing<'a> {
             let colour = |triangle: usize| object.colours.get(triangle).copied().flatten();
             colours.extend(triangles.clone().map(colour));
         }
+        self.add_zone(object, triangles.clone(), place, name);
         let mesh = match place.role {
             Role::Part => &mut self.item.solid,
             Role::Negative => &mut self.item.cut,
@@ -381,22 +405,42 @@ impl<'a> Placing<'a> {
                 return;
             }
         };
+        append(mesh, object, triangles, &place.transform);
         if place.role == Role::Negative {
             self.aside.push(place.role, name);
         }
-        let is_mirrored = mirrors(&place.transform);
-        let mut numbers: HashMap<u32, u32> = HashMap::new();
-        for triangle in &object.triangles[triangles] {
-            let [a, b, c] = triangle.map(|vertex| {
-                *numbers.entry(vertex).or_insert_with(|| {
-                    let p = object.vertices[vertex as usize];
-                    mesh.vertices.push(moved(p, &place.transform));
-                    mesh.vertices.len() as u32 - 1
-                })
-            });
-            let triangle = if is_mirrored { [a, c, b] } else { [a, b, c] };
-            mesh.triangles.push(triangle);
+    }
+
+    /// The same triangles as a volume with settings of its own, if they are one: a modifier, or material of an object of
+    /// several volumes.
+    fn add_zone(
+        &mut self,
+        object: &'a Object,
+        triangles: Range<usize>,
+        place: &Place<'a>,
+        name: Option<&'a String>,
+    ) {
+        let mut own = OwnSettings::default();
+        own.take_all(place.own.map_or(&[], Vec::as_slice), false);
+        let is_zone = match place.role {
+            Role::Modifier => !own.is_empty(),
+            Role::Part => self.roles.has_parts(place.top),
+            _ => false,
+        };
+        if !is_zone {
+            return;
         }
+        let mut mesh = Mesh::default();
+        append(&mut mesh, object, triangles, &place.transform);
+        if place.role == Role::Modifier {
+            self.item.modifiers.push(object.id);
+        }
+        self.item.zones.push(Zone {
+            name: name.cloned(),
+            mesh,
+            own,
+            is_part: place.role == Role::Part,
+        });
     }
 
     /// The objects that were placed, each once.

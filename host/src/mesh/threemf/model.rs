@@ -83,6 +83,14 @@ pub(super) struct Item {
 }
 
 impl Object {
+    /// The only thing that it is, if it has no triangles of its own.
+    pub fn first_instance(&self) -> Option<&Item> {
+        match self.components.as_slice() {
+            [only] if self.triangles.is_empty() => Some(only),
+            _ => None,
+        }
+    }
+
     /// The role given by its type or by Cura's settings.
     pub fn role(&self) -> Role {
         match self.kind.as_str() {

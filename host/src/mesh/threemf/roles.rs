@@ -110,6 +110,19 @@ impl Roles {
         volumes.find(|volume| volume.component == Some(component))
     }
 
+    /// True if several volumes of an object are material, and one of them has settings.
+    pub fn has_parts(&self, object: usize) -> bool {
+        let volumes = self.objects.get(&object).into_iter();
+        let volumes = volumes.flat_map(|object| &object.volumes);
+        let parts = volumes.filter(|volume| volume.role == Role::Part);
+        let (mut count, mut asks) = (0, false);
+        for part in parts {
+            count += 1;
+            asks |= !part.settings.is_empty();
+        }
+        count > 1 && asks
+    }
+
     /// The volumes that an object's triangles are divided into, by their first one.
     pub fn by_triangles(&self, object: usize) -> Vec<([usize; 2], &Volume)> {
         let volumes = self.objects.get(&object).into_iter();

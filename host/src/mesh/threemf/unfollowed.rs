@@ -5,7 +5,7 @@ use super::model::{Object, Painted, paint_names};
 use super::roles::{KeyValues, ObjectNotes, Role, Roles};
 use super::xml::{Part, read};
 use crate::mesh::MeshError;
-use crate::mesh::object_settings::ObjectInfill;
+use crate::mesh::object_settings::OwnSettings;
 use std::collections::BTreeSet;
 
 /// Entries of a list that are reported one by one.
@@ -14,8 +14,9 @@ const TOLD_MAX: usize = 8;
 const CHARS_MAX: usize = 600;
 
 /// Heights of an object, and the settings there.
-const RANGES: [&str; 2] = [
+pub(super) const RANGES: [&str; 3] = [
     "Metadata/Slic3r_PE_layer_config_ranges.xml",
+    "Metadata/Prusa_Slicer_layer_config_ranges.xml",
     "Metadata/layer_config_ranges.xml",
 ];
 /// Pauses, colours and G-code at heights of the print.
@@ -24,7 +25,7 @@ const CODES: [&str; 2] = [
     "Metadata/custom_gcode_per_layer.xml",
 ];
 /// Layer heights that change steadily.
-const PROFILES: [&str; 2] = [
+pub(super) const PROFILES: [&str; 2] = [
     "Metadata/Slic3r_PE_layer_heights_profile.txt",
     "Metadata/layer_heights_profile.txt",
 ];
@@ -37,54 +38,26 @@ const PROJECTS: [&str; 2] = [
 /// Settings of the files other than the models.
 #[derive(Debug, Default)]
 pub(super) struct Unfollowed {
-    /// From and to, mm, and the settings there.
-    ranges: Vec<([String; 2], KeyValues)>,
     /// What, and at which height, mm.
     codes: Vec<(String, String)>,
-    has_profile: bool,
     has_project: bool,
 }
 
 /// True for files that [`Unfollowed::read`] knows.
 pub(super) fn is_known(name: &str) -> bool {
     let is_cura = name.starts_with("Cura/");
-    let known = [RANGES, CODES, PROFILES, PROJECTS].concat();
-    is_cura || known.contains(&name)
+    is_cura || CODES.contains(&name) || PROJECTS.contains(&name)
 }
 
 impl Unfollowed {
     /// Reads a file that [`is_known`].
     pub fn read(&mut self, name: &str, text: &[u8]) -> Result<(), MeshError> {
-        if RANGES.contains(&name) {
-            self.read_ranges(text)?;
-        } else if CODES.contains(&name) {
+        if CODES.contains(&name) {
             self.read_codes(text)?;
-        } else if PROFILES.contains(&name) {
-            self.has_profile |= text.contains(&b';');
         } else {
             self.has_project = true;
         }
         Ok(())
-    }
-
-    fn read_ranges(&mut self, text: &[u8]) -> Result<(), MeshError> {
-        let mut key = None;
-        read(text, |part| {
-            match part {
-                Part::Open(tag) if tag.name() == "range" => {
-                    let end = |name: &str| tag.get(name).unwrap_or_default();
-                    self.ranges.push(([end("min_z"), end("max_z")], Vec::new()));
-                }
-                Part::Open(tag) if tag.name() == "option" => key = tag.get("opt_key"),
-                Part::Text(value) => {
-                    if let (Some((_, settings)), Some(key)) = (self.ranges.last_mut(), key.take()) {
-                        settings.push((key, value.trim().to_string()));
-                    }
-                }
-                _ => {}
-            }
-            Ok(())
-        })
     }
 
     fn read_codes(&mut self, text: &[u8]) -> Result<(), MeshError> {
@@ -121,22 +94,6 @@ impl Unfollowed {
                     .to_string(),
             );
         }
-        if !self.ranges.is_empty() {
-            let ranges = self.ranges.iter().map(|([from, to], settings)| {
-                format!("{from} to {to} mm: {}", settings_text(settings))
-            });
-            let option = self.heights_option();
-            let option = option.map_or(String::new(), |option| {
-                format!("; --layer-heights {option} gives all of the print these heights")
-            });
-            let ranges = told(ranges, "; ");
-            notes.push(format!("height ranges are not followed: {ranges}{option}"));
-        }
-        if self.has_profile {
-            let what = "layer heights that change over an object are not followed: --layer-heights gives \
-                        ranges of their own";
-            notes.push(what.to_string());
-        }
         if !self.codes.is_empty() {
             let codes = self
                 .codes
@@ -147,30 +104,10 @@ impl Unfollowed {
         }
         notes
     }
-
-    /// The height ranges that have a layer height, as the option takes them.
-    fn heights_option(&self) -> Option<String> {
-        let mut ranges: Vec<([f64; 2], f64)> = Vec::new();
-        for (ends, settings) in &self.ranges {
-            let height = settings.iter().find(|(key, _)| key == "layer_height");
-            if let Some((_, height)) = height {
-                let number = |text: &String| text.parse::<f64>().ok();
-                ranges.push(([number(&ends[0])?, number(&ends[1])?], number(height)?));
-            }
-        }
-        ranges.sort_by(|p, q| p.0[0].total_cmp(&q.0[0]));
-        ranges.dedup();
-        let is_apart = ranges.windows(2).all(|pair| pair[0].0[1] <= pair[1].0[0]);
-        let ranges: Vec<String> = ranges
-            .iter()
-            .map(|([from, to], height)| format!("{from}-{to}:{height}"))
-            .collect();
-        (is_apart && !ranges.is_empty()).then(|| ranges.join(","))
-    }
 }
 
 /// Entries of a list, up to a bound, and the number of others.
-fn told(entries: impl Iterator<Item = String>, between: &str) -> String {
+pub(super) fn told(entries: impl Iterator<Item = String>, between: &str) -> String {
     let mut entries: Vec<String> = entries.collect();
     let more = entries.len().saturating_sub(TOLD_MAX);
     if more > 0 {
@@ -184,7 +121,7 @@ fn told(entries: impl Iterator<Item = String>, between: &str) -> String {
     }
 }
 
-fn settings_text(settings: &[(String, String)]) -> String {
+pub(super) fn settings_text(settings: &[(String, String)]) -> String {
     let settings = settings.iter().map(|(key, value)| format!("{key} {value}"));
     told(settings, ", ")
 }
@@ -233,9 +170,7 @@ impl Aside {
             notes.push(format!("cut away from their objects: {cut}"));
         }
         if let Some(aside) = self.of(|role| role != Role::Negative) {
-            notes.push(format!(
-                "left out, since they are no material: {aside}; what they ask for is not followed"
-            ));
+            notes.push(format!("left out, since they are no material: {aside}"));
         }
         match self.switched_off {
             0 => {}
@@ -246,38 +181,65 @@ impl Aside {
     }
 }
 
+/// What settings are kept with.
+#[derive(Clone, Copy)]
+enum Whose {
+    /// An object, or its only volume.
+    Object,
+    /// A modifier, or one of several volumes of material.
+    Volume(Role),
+    /// What has no settings of its own to follow.
+    Aside(Role),
+}
+
+impl Whose {
+    fn of(role: Role) -> Whose {
+        match role {
+            Role::Part => Whose::Object,
+            Role::Modifier => Whose::Volume(role),
+            role => Whose::Aside(role),
+        }
+    }
+}
+
 /// Settings of objects and volumes, each with its name: those that are followed, and the others. `followed` are the
 /// objects whose settings are, where they can be.
 fn object_settings(roles: &Roles, objects: &[&Object], followed: &BTreeSet<usize>) -> Vec<String> {
     let mut ids: Vec<&usize> = roles.objects.keys().collect();
     ids.sort();
     let mut found: [Vec<String>; 2] = Default::default();
-    let mut push =
-        |id: Option<usize>, name: Option<&String>, what: &str, settings: &[(String, String)]| {
-            let can = id.is_some_and(|id| followed.contains(&id));
-            let settings = settings.iter().cloned();
-            let (own, others): (KeyValues, KeyValues) =
-                settings.partition(|(key, value)| can && ObjectInfill::follows(key, value));
-            let name = name.map_or(what, String::as_str);
-            for (found, settings) in found.iter_mut().zip([own, others]) {
-                if !settings.is_empty() {
-                    found.push(format!("{name}: {}", settings_text(&settings)));
-                }
-            }
+    let mut push = |id: usize, of: Whose, name: Option<&String>, settings: &[(String, String)]| {
+        let can = followed.contains(&id) && !matches!(of, Whose::Aside(_));
+        let is_object = matches!(of, Whose::Object);
+        let settings = settings.iter().cloned();
+        let (own, others): (KeyValues, KeyValues) =
+            settings.partition(|(key, value)| can && OwnSettings::follows(key, value, is_object));
+        let what = match of {
+            Whose::Object => "an object",
+            Whose::Volume(role) | Whose::Aside(role) => role.names()[0],
         };
+        let name = name.map_or(what, String::as_str);
+        for (found, settings) in found.iter_mut().zip([own, others]) {
+            if !settings.is_empty() {
+                found.push(format!("{name}: {}", settings_text(&settings)));
+            }
+        }
+    };
     for id in ids {
         let ObjectNotes {
             name,
             settings,
             volumes,
         } = &roles.objects[id];
-        push(Some(*id), name.as_ref(), "an object", settings);
+        push(*id, Whose::Object, name.as_ref(), settings);
         let parts = volumes.iter().filter(|volume| volume.role == Role::Part);
         let is_alone = parts.count() == 1;
         for volume in volumes {
-            let what = volume.role.names()[0];
-            let object = Some(*id).filter(|_| is_alone && volume.role == Role::Part);
-            push(object, volume.name.as_ref(), what, &volume.settings);
+            let whose = match Whose::of(volume.role) {
+                Whose::Object if !is_alone => Whose::Volume(volume.role),
+                whose => whose,
+            };
+            push(*id, whose, volume.name.as_ref(), &volume.settings);
         }
     }
     for object in objects {
@@ -291,12 +253,12 @@ fn object_settings(roles: &Roles, objects: &[&Object], followed: &BTreeSet<usize
             .filter(|(key, _)| is_setting(key))
             .cloned()
             .collect();
-        let what = object.role().names()[0];
-        push(Some(object.id), object.name.as_ref(), what, &settings);
+        let whose = Whose::of(object.role());
+        push(object.id, whose, object.name.as_ref(), &settings);
     }
     let [own, others] =
         found.map(|found| (!found.is_empty()).then(|| told(found.into_iter(), "; ")));
-    let own = own.map(|own| format!("settings of objects that are followed: {own}"));
+    let own = own.map(|own| format!("settings of objects and modifiers that are followed: {own}"));
     let others = others
         .map(|others| format!("settings of objects and modifiers are not followed: {others}"));
     own.into_iter().chain(others).collect()

@@ -13,7 +13,6 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::{Frame, snapped};
 use crate::geometry::place_scale::ScaleField;
 use crate::geometry::plane_curve::PlaneControl;
-use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
 use crate::job::transform::PartTransform;
 use crate::plan::curve::heading_stops::PassCutter;
@@ -22,12 +21,13 @@ use crate::plan::curve::pushing_inside::InsideWalls;
 use crate::plan::joining::order::region_order;
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::bridge_ground::Bridge;
-use crate::plan::layers::inside::{Inside, has_middle};
+use crate::plan::layers::inside::{Inside, OwnInside};
 use crate::plan::layers::optimised_passes::PassCurve;
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Reversal};
 use crate::plan::layers::skirt::SkirtPlan;
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::progress::{Progress, SIDE_BY_SIDE, Stage, Steps, Stopped};
+use crate::settings::kinds::Kinds;
 use crate::settings::{Infill, Settings};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -105,23 +105,28 @@ pub struct LayerKind {
     pub outline: usize,
     /// What is inside the walls of its regions.
     pub inside: Inside,
-    /// The same for the regions within these boxes, input coordinates: objects with settings of their own.
-    pub objects: Vec<(Box2, Inside)>,
+    /// The same for the regions of objects with settings of their own.
+    pub objects: Vec<OwnInside>,
 }
 
 impl LayerKind {
-    /// What is inside the walls of a region with this box.
-    fn inside_of(&self, bounds: Box2) -> &Inside {
+    /// What is inside the walls of a region.
+    fn inside_of(&self, region: &RegionWork) -> &Inside {
+        let bounds = region.bounds();
+        let place = region.widest_disk().map(|(at, _)| at);
         let mut objects = self.objects.iter();
-        let own = objects.find(|(around, _)| has_middle(*around, bounds));
-        own.map_or(&self.inside, |(_, inside)| inside)
+        let own = objects.find(|own| own.has(bounds, place));
+        own.map_or(&self.inside, |own| &own.inside)
     }
 
     /// The sparsest infill of the layer.
     fn infill(&self) -> Option<Infill> {
         let objects = self.objects.iter();
-        let all = std::iter::once(&self.inside).chain(objects.map(|(_, inside)| inside));
-        let all = all.filter_map(|inside| inside.infill);
+        let all = std::iter::once(&self.inside).chain(objects.map(|own| &own.inside));
+        let all = all.flat_map(|inside| {
+            let areas = inside.areas.iter().map(|(infill, _)| *infill);
+            inside.infill.into_iter().chain(areas)
+        });
         all.min_by(|p, q| p.density_pct.total_cmp(&q.density_pct))
     }
 }
@@ -203,7 +208,7 @@ pub fn with_passes(
     of_each_kind(&counts, |kind, region| {
         let kind = &kinds[kind];
         let work = &outlines[kind.outline][region];
-        steps.step(|| work.with_passes(kind.inside_of(work.bounds())))
+        steps.step(|| work.with_passes(kind.inside_of(work)))
     })
 }
 
@@ -298,6 +303,7 @@ pub fn region_prints(
 #[derive(Clone, Debug)]
 struct PrintCurve {
     kind: PassKind,
+    asked: Option<Kinds>,
     control: Arc<[PlaneControl]>,
 }
 
@@ -329,6 +335,7 @@ pub fn plane_passes(
                 scale: region.scale.as_ref(),
                 frame: region.frame,
                 shift: region.contour.offset + place,
+                asked: region.kinds,
             };
             framed.curves(region_curves, settings)
         })
@@ -341,6 +348,7 @@ pub fn plane_passes(
             scale: None,
             frame: Frame::IDENTITY,
             shift: skirt.offset + place,
+            asked: None,
         };
         framed.curves(pass_curves, settings)
     });
@@ -355,6 +363,7 @@ pub fn plane_passes(
         for curve in curves {
             passes.push(PlanePass {
                 kind: curve.kind,
+                asked: curve.asked,
                 layer,
                 z_mm: transform.offset_mm[2] + top_mm.get(&layer).copied().unwrap_or_default(),
                 control: curve.control.clone(),
@@ -432,6 +441,7 @@ struct FramedPasses<'a> {
     scale: Option<&'a ScaleField>,
     frame: Frame,
     shift: Vector2,
+    asked: Option<Kinds>,
 }
 
 impl FramedPasses<'_> {
@@ -465,6 +475,7 @@ impl FramedPasses<'_> {
             };
             curves.extend(found.iter().map(|control| PrintCurve {
                 kind: pass.kind,
+                asked: self.asked,
                 control: control.iter().map(to_machine).collect(),
             }));
         }

@@ -15,6 +15,7 @@
 pub mod bridge_ground;
 pub mod hollow;
 pub mod inside;
+pub mod inside_ground;
 pub mod layer_groups;
 pub mod one_heading;
 pub mod optimised_passes;
@@ -24,6 +25,7 @@ pub mod skirt;
 
 use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::pass::PassKind;
+use crate::settings::kinds::Kinds;
 use std::sync::Arc;
 
 /// A pass ready to be printed: its curve in the layer plane.
@@ -31,6 +33,8 @@ use std::sync::Arc;
 pub struct PlanePass {
     /// Its kind, for pictures.
     pub kind: PassKind,
+    /// Speeds and flows by kind, where they are not the job's.
+    pub asked: Option<Kinds>,
     /// Layer from 0.
     pub layer: u32,
     /// Tip height, mm.

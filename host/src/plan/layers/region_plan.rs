@@ -6,7 +6,7 @@
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::boolean::{difference, filled, grown, intersection};
+use crate::geometry::boolean::{difference, filled};
 use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
@@ -21,8 +21,8 @@ use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::curve::heading_stops::PassCutter;
 use crate::plan::headings::profile::turn_weight_mm4;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
-use crate::plan::layers::bridge_ground::is_wide;
 use crate::plan::layers::inside::Inside;
+use crate::plan::layers::inside_ground::InsideGround;
 use crate::plan::layers::one_heading::least_costly;
 use crate::plan::layers::optimised_passes::{Ground, PassCurve, optimised};
 use crate::plan::outline::contour::Contour;
@@ -30,6 +30,7 @@ use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::pose_limits::pose_limits;
+use crate::settings::kinds::Kinds;
 use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -65,6 +66,8 @@ pub struct RegionPlan {
     pub open: Vec<Region>,
     /// What of that is open on purpose between the lines of a sparse infill, local.
     pub sparse: Vec<Region>,
+    /// Speeds and flows by kind, where they are not the job's.
+    pub kinds: Option<Kinds>,
 }
 
 impl RegionPlan {
@@ -191,6 +194,8 @@ pub struct RegionWork {
     sparse_ground: Vec<Region>,
     /// Part of the open area is filled, part is not.
     is_mixed: bool,
+    /// Speeds and flows by kind, where they are not the job's.
+    kinds: Option<Kinds>,
 }
 
 impl RegionWork {
@@ -243,24 +248,30 @@ impl RegionWork {
             sparse_open: Vec::new(),
             sparse_ground: Vec::new(),
             is_mixed: false,
+            kinds: None,
         })
     }
 
-    /// The region with its passes, unordered: walls with these lines inside, or loops.
-    pub fn with_passes(
-        &self,
-        Inside {
-            infill,
-            solid,
-            bridges,
-        }: &Inside,
-    ) -> RegionWork {
+    /// The region with the settings that it is printed with.
+    fn asked(&self, inside: &Inside) -> RegionWork {
         let mut work = self.clone();
-        let how = pass_settings(&self.settings);
-        work.settings.infill = infill.map(|infill| Infill {
+        work.kinds = inside.kinds;
+        let settings = &mut work.settings;
+        if let Some(seam) = inside.seam {
+            settings.seam = seam;
+            settings.seam.direction_rad = self.frame.angle_in(seam.direction_rad);
+        }
+        settings.infill = inside.infill.map(|infill| Infill {
             angle_rad: self.frame.angle_in(infill.angle_rad),
             ..infill
         });
+        work
+    }
+
+    /// The region with its passes, unordered: walls with these lines inside, or loops.
+    pub fn with_passes(&self, inside: &Inside) -> RegionWork {
+        let mut work = self.asked(inside);
+        let how = pass_settings(&self.settings);
         match &work.settings.infill {
             None => work.passes = passes(&self.hull, &self.walls, &self.axis, &how),
             Some(infill) => {
@@ -269,23 +280,32 @@ impl RegionWork {
                     outer_passes(&self.hull, &self.walls, &self.axis, &how, walls);
                 work.open = filled(rings.iter(), FillRule::Positive);
                 let mut rest = work.open.clone();
+                let ground = InsideGround {
+                    frame: &self.frame,
+                    offset: self.contour.offset,
+                    aperture: &self.settings.aperture,
+                };
                 let mut over: [Vec<Region>; 2] = Default::default();
-                for bridge in bridges {
-                    let ground = self.bridged(&bridge.ground, &rest);
+                for bridge in &inside.bridges {
+                    let over_air = ground.bridged(&bridge.ground, &rest);
                     let angle_rad = self.frame.angle_in(bridge.angle_rad);
                     let (lines, loops) = match bridge.over_lines {
-                        true => roof_lines(&ground, angle_rad, &how),
-                        false => (bridge_lines(&ground, angle_rad, &how), Vec::new()),
+                        true => roof_lines(&over_air, angle_rad, &how),
+                        false => (bridge_lines(&over_air, angle_rad, &how), Vec::new()),
                     };
                     work.bridges.extend(lines);
                     passes.extend(loops);
-                    if !ground.is_empty() {
-                        rest = difference(&rest, &ground);
+                    if !over_air.is_empty() {
+                        rest = difference(&rest, &over_air);
                     }
-                    over[usize::from(bridge.over_lines)].extend(ground);
+                    over[usize::from(bridge.over_lines)].extend(over_air);
                 }
                 let [bridged, roofed] = over;
-                let [solid, sparse] = self.divided(&rest, infill, solid);
+                let is_one = inside.areas.is_empty();
+                let [solid, sparse] = match infill.is_solid() && is_one {
+                    true => [rest, Vec::new()],
+                    false => ground.divided(&rest, &inside.solid),
+                };
                 let filled = Infill {
                     density_pct: infill.density_pct.max(100.0),
                     ..*infill
@@ -293,7 +313,10 @@ impl RegionWork {
                 passes.extend(infill_passes(&solid, &filled, &how));
                 let parts = [&solid, &sparse, &bridged, &roofed];
                 work.is_mixed = parts.iter().filter(|part| !part.is_empty()).count() > 1;
-                work.sparse = infill_passes(&sparse, infill, &how);
+                work.sparse = match is_one {
+                    true => infill_passes(&sparse, infill, &how),
+                    false => ground.lines_of(&sparse, &inside.areas, &how),
+                };
                 for line in &mut work.sparse {
                     line.kind = PassKind::Sparse;
                 }
@@ -304,51 +327,6 @@ impl RegionWork {
             }
         }
         work
-    }
-
-    /// The open area of a bridge: its span, and a bead's width more on its anchors.
-    fn bridged(&self, ground: &[Region], open: &[Region]) -> Vec<Region> {
-        let aperture = &self.settings.aperture;
-        let offset = self.contour.offset;
-        let shifted = ground.iter().map(|region| region.shifted(-offset));
-        let ground: Vec<Region> = shifted.map(|r| self.frame.region_in(&r)).collect();
-        let mut inside = intersection(&ground, open);
-        // What the walls leave of it may be too thin to be worth lines of its own.
-        inside.retain(|region| is_wide(region, aperture.major_mm()));
-        if inside.is_empty() {
-            return inside;
-        }
-        intersection(&grown(&inside, 2.0 * aperture.major_mm()), open)
-    }
-
-    /// The area inside the walls that is filled, and the rest. The filled area extends into the
-    /// rest by a bead's width, to bond to the lines there; strips thinner than the narrowest bead,
-    /// which the walls leave on a slope, are not filled.
-    fn divided(&self, open: &[Region], infill: &Infill, solid: &[Region]) -> [Vec<Region>; 2] {
-        if infill.is_solid() {
-            return [open.to_vec(), Vec::new()];
-        }
-        if solid.is_empty() {
-            return [Vec::new(), open.to_vec()];
-        }
-        let aperture = &self.settings.aperture;
-        let offset = self.contour.offset;
-        let solid: Vec<Region> = solid
-            .iter()
-            .map(|region| self.frame.region_in(&region.shifted(-offset)))
-            .collect();
-        let mut inside = intersection(&solid, open);
-        inside.retain(|region| is_wide(region, aperture.minor_mm()));
-        let solid = intersection(&grown(&inside, 2.0 * aperture.major_mm()), open);
-        let mut sparse = difference(open, &solid);
-        // A strip in which no bead fits gets no lines.
-        let (sparse_ground, strips): (Vec<Region>, Vec<Region>) = sparse
-            .drain(..)
-            .partition(|region| is_wide(region, 2.0 * aperture.major_mm()));
-        if strips.is_empty() {
-            return [solid, sparse_ground];
-        }
-        [difference(open, &sparse_ground), sparse_ground]
     }
 
     /// True if nothing of it can be printed.
@@ -428,6 +406,7 @@ impl RegionWork {
             curves,
             open: self.open.iter().map(out).collect(),
             sparse: self.sparse_ground.iter().map(out).collect(),
+            kinds: self.kinds,
         }
     }
 

@@ -520,50 +520,6 @@ fn broken_meshes_leave_nothing_behind() {
     }
 }
 
-/// Goal: the command prints what a slicer's project means: a plate of 2,000 mm³ with a slot through it is
-/// 1,500 mm³ by layers. Method: a package in PrusaSlicer's manner.
-#[test]
-fn a_negative_volume_is_cut_away() {
-    use std::io::Write;
-    let (mut vertices, mut triangles) = (String::new(), String::new());
-    let plate = [[0.0; 3], [20.0, 20.0, 5.0]];
-    let slot = [[5.0, 5.0, -1.0], [15.0, 15.0, 6.0]];
-    let faces = [plate, slot].into_iter().flat_map(box_triangles);
-    for (number, face) in faces.enumerate() {
-        for [x, y, z] in face {
-            vertices += &format!("<vertex x=\"{x}\" y=\"{y}\" z=\"{z}\"/>");
-        }
-        let [a, b, c] = [0, 1, 2].map(|corner| 3 * number + corner);
-        triangles += &format!("<triangle v1=\"{a}\" v2=\"{b}\" v3=\"{c}\"/>");
-    }
-    let model = format!(
-        "<model unit=\"millimeter\"><resources><object id=\"1\" type=\"model\"><mesh><vertices>{vertices}\
-         </vertices><triangles>{triangles}</triangles></mesh></object></resources><build>\
-         <item objectid=\"1\"/></build></model>"
-    );
-    let config = "<config><object id=\"1\"><volume firstid=\"0\" lastid=\"11\"/><volume firstid=\"12\" \
-                  lastid=\"23\"><metadata type=\"volume\" key=\"volume_type\" value=\"NegativeVolume\"/>\
-                  </volume></object></config>";
-    let folder = folder("negative-volume");
-    let file = folder.join("plate.3mf");
-    let mut package = zip::ZipWriter::new(std::fs::File::create(&file).expect("a file"));
-    let options = zip::write::SimpleFileOptions::default();
-    for (name, text) in [
-        ("3D/3dmodel.model", model.as_str()),
-        ("Metadata/Slic3r_PE_model.config", config),
-    ] {
-        package.start_file(name, options).expect("a file");
-        package.write_all(text.as_bytes()).expect("a file");
-    }
-    package.finish().expect("a file");
-    let found = object(&headway(&["inspect", path(&file), "--json"]));
-    let layers_mm3 = found["layers_volume_mm3"].as_f64().expect("a volume");
-    assert!((layers_mm3 - 1500.0).abs() < 1e-6, "{layers_mm3}");
-    assert_eq!(found["box_mm"][0][2], 0.0);
-    let notes = found["notes"].to_string();
-    assert!(notes.contains("1 negative volume"), "{notes}");
-}
-
 /// A picture of an upper layer had the lowest layer's outline, and was as large; a rib that no bead fits in
 /// vanished from a part without a word.
 /// Goal: the picture shows the layer, ground that stays open is named with its height. Method: a plate with a

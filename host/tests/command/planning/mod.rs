@@ -8,5 +8,6 @@ mod dxf;
 mod gcode;
 mod gcode_axes;
 mod meshes;
+mod projects;
 mod surfaces;
 mod wide_beads;

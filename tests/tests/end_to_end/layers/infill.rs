@@ -7,7 +7,7 @@ use headway::geometry::polygon::{Region, Ring};
 use headway::input::Target;
 use headway::job::MotionState;
 use headway::mesh::layers::{SlicedPart, TargetLayer};
-use headway::mesh::object_settings::{ObjectInfill, PartObject};
+use headway::mesh::object_settings::{ObjectInfill, OwnSettings, PartObject};
 use headway::pipeline::mesh::{FirstLayer, plan_part};
 use headway::report::pose_table::samples_within;
 use headway::settings::{Infill, Settings};
@@ -268,7 +268,11 @@ fn each_object_is_filled_as_it_asks() {
     let object = |from: f64, infill: ObjectInfill| PartObject {
         name: None,
         bounds_mm: [[from, 0.0, 0.0], [from + 12.0, 12.0, 0.6]].map(headway::mesh::Point3::from),
-        infill,
+        own: OwnSettings {
+            infill,
+            ..OwnSettings::default()
+        },
+        zones: Vec::new(),
     };
     let walled = ObjectInfill {
         walls: Some(3),

@@ -6,5 +6,7 @@ mod bridges;
 mod infill;
 mod keep_out;
 mod method_figures;
+mod own_settings;
 mod stacks;
+mod told_ground;
 mod volume;

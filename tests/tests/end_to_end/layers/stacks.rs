@@ -120,6 +120,7 @@ fn steps_of_four_layers_lie_where_they_should() {
             y_mm: now.tip_mm[1] - plan.transform.offset_mm[1],
             heading_rad: now.heading_rad,
             pass: 0,
+            layer: 0,
             path_mm: 0.0,
         };
         let on_layer = (z_mm - height_of(layer)).abs() < Z_SLACK_MM;

@@ -98,7 +98,7 @@ pub fn flat(
             inside: Inside {
                 infill: infill.map(|infill| infill.inside(number)),
                 solid: (context.solid)(number),
-                bridges: Vec::new(),
+                ..Inside::default()
             },
             objects: Vec::new(),
         };
