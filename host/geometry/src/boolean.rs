@@ -56,8 +56,9 @@ pub fn grown(regions: &[Region], by_mm: f64) -> Vec<Region> {
     shapes.into_iter().filter_map(region_of).collect()
 }
 
-/// Grid of offsets: 2^-30 mm. Their crossings are resolved from one cell on, which cannot be chosen, and the finest grid has cells of
-/// 2^-53 mm for 100 mm, far below the rounding of a coordinate: edges that nearly coincide then cross anew in every round.
+/// Cells of the grid of offsets in a mm. Their crossings are resolved from one cell on, which cannot be chosen, and the finest
+/// grid has cells of 2^-53 mm for 100 mm, far below the rounding of a coordinate: edges that nearly coincide then cross
+/// anew in every round.
 const OFFSET_CELLS_PER_MM: f64 = (1_u64 << 30) as f64;
 
 /// Angle of one chord of an arc: the least that the offsetting takes.
