@@ -2,7 +2,7 @@
 //!
 //! In: the outlines of all layers (mm, input coordinates), settings. Out: [`PartBodies`], which know the inside of each
 //! layer, one for each object with settings of its own and one for the rest; an object's own volumes divide its layers
-//! further ([`super::part_zones`]). Leaves out how regions are filled.
+//! further (`part_zones`). Leaves out how regions are filled.
 
 use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region};
