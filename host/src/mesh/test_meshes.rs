@@ -5,23 +5,7 @@ use std::f64::consts::TAU;
 
 /// A box from its corner and size.
 pub(super) fn cuboid([x, y, z]: [f64; 3], [dx, dy, dz]: [f64; 3]) -> Mesh {
-    let corner = |i: usize| {
-        let along = |bit: usize| f64::from(u32::from(i & bit != 0));
-        Point3::new(x + dx * along(1), y + dy * along(2), z + dz * along(4))
-    };
-    let faces = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
-    Mesh {
-        vertices: (0..8).map(corner).collect(),
-        triangles: faces.into_iter().flat_map(halves).collect(),
-    }
+    Mesh::cuboid(Point3::new(x, y, z), Point3::new(x + dx, y + dy, z + dz))
 }
 
 /// A body of revolution about z from its profile (radius, z), bottom to top, its ends on the axis;

@@ -71,7 +71,7 @@ impl PlacedObject {
             let high = Point3::new(self.high.x + wide.x, self.high.y + wide.y, to);
             self.zones.push(Zone {
                 name: None,
-                mesh: cuboid(low, high),
+                mesh: Mesh::cuboid(low, high),
                 own,
                 is_part: false,
             });
@@ -80,7 +80,7 @@ impl PlacedObject {
 
     /// As the reader passes it on.
     pub fn told(self) -> RawObject {
-        let box_of = cuboid(self.low, self.high);
+        let box_of = Mesh::cuboid(self.low, self.high);
         RawObject {
             name: self.name,
             corners: box_of.vertices,
@@ -97,30 +97,6 @@ impl PlacedObject {
     /// True if it has settings of its own.
     pub fn asks(&self) -> bool {
         !self.own.is_empty() || !self.zones.is_empty()
-    }
-}
-
-/// A box.
-fn cuboid(low: Point3, high: Point3) -> Mesh {
-    let corner = |i: usize| {
-        let of = |axis: usize| match i >> axis & 1 {
-            0 => low[axis],
-            _ => high[axis],
-        };
-        Point3::new(of(0), of(1), of(2))
-    };
-    let faces: [[u32; 4]; 6] = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
-    Mesh {
-        vertices: (0..8).map(corner).collect(),
-        triangles: faces.into_iter().flat_map(halves).collect(),
     }
 }
 
