@@ -17,7 +17,7 @@ use crate::plan::axis::pruned_axis::Axis;
 use crate::plan::beads::passes::{PassSettings, passes};
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::layers::optimised_passes::{
-    BegunPasses, FinishedPasses, Ground, begun, interruption_s,
+    BegunPasses, FinishedPasses, Ground, RegionJob, interruption_s,
 };
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::pass::{Contact, LayerPass, Placement};
@@ -36,30 +36,28 @@ const FINISHED: usize = 2;
 pub fn least_costly(
     turning: Vec<LayerPass>,
     hull: &Region,
-    ground: &Ground,
+    job: &RegionJob,
     how: &PassSettings,
-    settings: &Settings,
 ) -> FinishedPasses {
-    let headings = match may_keep_one_heading(ground, settings) {
+    let settings = job.settings;
+    let headings = match may_keep_one_heading(job.ground, settings) {
         true => OneHeading::candidates(hull, settings.aperture),
         false => Vec::new(),
     };
     if headings.is_empty() {
-        return begun(turning, ground, settings).finished(ground, settings);
+        return job.optimised(turning);
     }
     let kept = headings.into_par_iter();
     let kept = kept.map(|heading| heading.passes(hull, how, settings));
     let mut all: Vec<BegunPasses> = rayon::iter::once(turning)
         .chain(kept)
-        .map(|passes| begun(passes, ground, settings))
+        .map(|passes| job.begun(passes))
         .collect();
     // A stable order: of equals the passes that turn.
     all.sort_by(|p, q| cheaper(p.cost_s(settings), q.cost_s(settings)));
     all.truncate(FINISHED);
     let finished = all.into_par_iter();
-    let finished: Vec<FinishedPasses> = finished
-        .map(|begun| begun.finished(ground, settings))
-        .collect();
+    let finished: Vec<FinishedPasses> = finished.map(|begun| job.finished(begun)).collect();
     let least = finished.into_iter();
     let least = least.min_by(|p, q| cheaper(p.cost_s, q.cost_s));
     least.unwrap_or_default()
@@ -345,7 +343,12 @@ mod tests {
             in_printing_order(passes, Point2::origin(), &fast)
         };
         let range_rad = |settings: &Settings| {
-            let found = least_costly(turning(), &part, &ground, &how(settings), settings);
+            let found = least_costly(
+                turning(),
+                &part,
+                &RegionJob::new(&ground, settings),
+                &how(settings),
+            );
             let cost_s = found.cost_s.expect("all passes are known");
             let headings = found.passes.iter().flat_map(|pass| &pass.placements);
             let headings = headings.map(|placement| placement.at.heading_rad);
@@ -357,7 +360,7 @@ mod tests {
         let ((turned_rad, _), (kept_rad, kept_s)) = (range_rad(&fast), range_rad(&slow));
         assert!(turned_rad > PI, "{turned_rad}");
         assert!(kept_rad < PI, "{kept_rad}");
-        let unkept = begun(turning(), &ground, &slow).finished(&ground, &slow);
+        let unkept = RegionJob::new(&ground, &slow).optimised(turning());
         let unkept_s = unkept.cost_s.expect("all passes are known");
         assert!(kept_s < 0.9 * unkept_s, "{kept_s} {unkept_s}");
     }

@@ -15,7 +15,7 @@ use crate::plan::curve::pushing_inside::{InsideWalls, strayed_spans};
 use crate::plan::joining::gap_fill::fill_gaps;
 use crate::plan::joining::order::interruption_mm;
 use crate::plan::pass::{LayerPass, PassKind, Placement};
-use crate::plan::pose_limits::{AreaPrice, pose_limits, price_s_mm2};
+use crate::plan::pose_limits::{AreaPrice, PoseLimits, pose_limits, price_s_mm2};
 use crate::settings::{Quality, Settings};
 use headway_optimiser::{Effort, Objective, OptimisedPass, Outcome, Site, optimise};
 use std::sync::Arc;
@@ -56,17 +56,6 @@ pub struct Ground<'a> {
     pub scale: Option<&'a ScaleField>,
 }
 
-/// Optimises the passes of a region together, except for sparse lines and bridges. The uncovered area then gets gap-fill
-/// moves, with which they are optimised again. The placements of passes with a curve become poses of it.
-pub fn optimised(
-    passes: Vec<LayerPass>,
-    ground: &Ground,
-    settings: &Settings,
-) -> (Vec<LayerPass>, Vec<PassCurve>) {
-    let found = begun(passes, ground, settings).finished(ground, settings);
-    (found.passes, found.curves)
-}
-
 /// Optimised passes of a region.
 #[derive(Default)]
 pub struct FinishedPasses {
@@ -93,78 +82,16 @@ impl BegunPasses {
     /// The objective, s: seconds of motion, the price of ground that is left open or laid twice, and a flow interruption for
     /// each pass. `None` where the optimiser does not know all passes.
     pub fn cost_s(&self, settings: &Settings) -> Option<f64> {
-        self.cost_after_s(self.reached, settings)
-    }
-
-    fn cost_after_s(&self, reached: Option<Reached>, settings: &Settings) -> Option<f64> {
         let is_all = self.numbers.len() == self.passes.len();
-        let reached = reached.filter(|_| is_all)?;
+        let reached = self.reached.filter(|_| is_all)?;
         let interrupted_s = self.passes.len() as f64 * interruption_s(settings);
         Some(reached.cost_s + interrupted_s)
-    }
-
-    /// The passes with gap-fill moves, and their curves.
-    pub fn finished(self, ground: &Ground, settings: &Settings) -> FinishedPasses {
-        let (found, reached) = with_job(ground, settings, |job| {
-            job.finished(self.known.clone(), self.begun.clone(), self.reached)
-        });
-        let cost_s = self.cost_after_s(reached, settings);
-        let mut passes = self.passes;
-        let mut curves = vec![None; passes.len()];
-        for (number, (pass, curve)) in self.numbers.into_iter().zip(found) {
-            passes[number] = pass;
-            curves[number] = curve;
-        }
-        FinishedPasses {
-            passes,
-            curves,
-            cost_s,
-        }
     }
 }
 
 /// The time that an interruption of flow counts as.
 pub fn interruption_s(settings: &Settings) -> f64 {
     interruption_mm(&settings.aperture) / pose_limits(settings).tip_speed_mm_s
-}
-
-/// The first optimisation of the passes of a region.
-pub fn begun(passes: Vec<LayerPass>, ground: &Ground, settings: &Settings) -> BegunPasses {
-    let numbers: Vec<usize> = (0..passes.len())
-        .filter(|&i| is_known(&passes[i]))
-        .collect();
-    let mut known: Vec<LayerPass> = numbers.iter().map(|&i| passes[i].clone()).collect();
-    let (begun, reached) = with_job(ground, settings, |job| job.begin(&mut known));
-    BegunPasses {
-        passes,
-        numbers,
-        known,
-        begun,
-        reached,
-    }
-}
-
-fn with_job<T>(ground: &Ground, settings: &Settings, work: impl FnOnce(&RegionJob) -> T) -> T {
-    let (walls, left_out) = (ground.walls, ground.left_out);
-    let filled_to = (!left_out.is_empty()).then(|| {
-        let others = left_out.iter().flat_map(Region::edges);
-        let edges = walls.edges().iter().copied();
-        let edges = edges.chain(others.map(|(a, b)| Edge { a, b }));
-        EdgeIndex::new(edges.collect(), settings.aperture.major_mm())
-    });
-    work(&RegionJob {
-        filled_to: filled_to.as_ref().unwrap_or(walls),
-        site: Site {
-            walls,
-            left_out,
-            aperture: &settings.aperture,
-            limits: &pose_limits(settings),
-            width_by_radius_max: None,
-            scale: ground.scale,
-        },
-        settings,
-        ground_mm2: ground.area_mm2 - left_out.iter().map(Region::area_mm2).sum::<f64>(),
-    })
 }
 
 /// What a run of the optimiser reached.
@@ -192,20 +119,96 @@ fn take(passes: &mut [LayerPass], begun: &mut [Begun]) {
     }
 }
 
-/// The walls and settings of the optimisation.
-struct RegionJob<'a> {
-    site: Site<'a>,
-    /// What bounds gap-fill moves: the walls, and omitted area.
-    filled_to: &'a EdgeIndex,
-    settings: &'a Settings,
+/// The optimisation of the passes of a region, except for sparse lines and bridges.
+pub struct RegionJob<'a> {
+    /// The region's ground.
+    pub ground: &'a Ground<'a>,
+    /// The job's settings.
+    pub settings: &'a Settings,
+    limits: PoseLimits,
+    /// What bounds gap-fill moves where area is omitted: the walls, and that.
+    filled_to: Option<EdgeIndex>,
     /// Area that is to be covered, mm².
     ground_mm2: f64,
 }
 
-impl RegionJob<'_> {
+impl<'a> RegionJob<'a> {
+    /// The job of a region.
+    pub fn new(ground: &'a Ground, settings: &'a Settings) -> RegionJob<'a> {
+        let left_out = ground.left_out;
+        let filled_to = (!left_out.is_empty()).then(|| {
+            let others = left_out.iter().flat_map(Region::edges);
+            let edges = ground.walls.edges().iter().copied();
+            let edges = edges.chain(others.map(|(a, b)| Edge { a, b }));
+            EdgeIndex::new(edges.collect(), settings.aperture.major_mm())
+        });
+        RegionJob {
+            ground,
+            settings,
+            limits: pose_limits(settings),
+            filled_to,
+            ground_mm2: ground.area_mm2 - left_out.iter().map(Region::area_mm2).sum::<f64>(),
+        }
+    }
+
+    /// Optimises the passes together. The uncovered area then gets gap-fill moves, with which they are optimised again. The
+    /// placements of passes with a curve become poses of it.
+    pub fn optimised(&self, passes: Vec<LayerPass>) -> FinishedPasses {
+        self.finished(self.begun(passes))
+    }
+
+    /// The first optimisation.
+    pub fn begun(&self, passes: Vec<LayerPass>) -> BegunPasses {
+        let numbers: Vec<usize> = (0..passes.len())
+            .filter(|&i| is_known(&passes[i]))
+            .collect();
+        let mut known: Vec<LayerPass> = numbers.iter().map(|&i| passes[i].clone()).collect();
+        let (begun, reached) = self.begin(&mut known);
+        BegunPasses {
+            passes,
+            numbers,
+            known,
+            begun,
+            reached,
+        }
+    }
+
+    /// The passes with gap-fill moves, and their curves.
+    pub fn finished(&self, mut all: BegunPasses) -> FinishedPasses {
+        let (known, begun) = (
+            std::mem::take(&mut all.known),
+            std::mem::take(&mut all.begun),
+        );
+        let (found, reached) = self.filled(known, begun, all.reached);
+        all.reached = reached;
+        let cost_s = all.cost_s(self.settings);
+        let mut passes = all.passes;
+        let mut curves = vec![None; passes.len()];
+        for (number, (pass, curve)) in all.numbers.into_iter().zip(found) {
+            passes[number] = pass;
+            curves[number] = curve;
+        }
+        FinishedPasses {
+            passes,
+            curves,
+            cost_s,
+        }
+    }
+
+    fn site(&self) -> Site<'_> {
+        Site {
+            walls: self.ground.walls,
+            left_out: self.ground.left_out,
+            aperture: &self.settings.aperture,
+            limits: &self.limits,
+            width_by_radius_max: None,
+            scale: self.ground.scale,
+        }
+    }
+
     /// The passes after the first optimisation; `None` if it does not apply.
     fn begin(&self, passes: &mut [LayerPass]) -> (Vec<Begun>, Option<Reached>) {
-        let mut begun: Vec<Begun> = passes.iter().map(|pass| self.begun(pass)).collect();
+        let mut begun: Vec<Begun> = passes.iter().map(|pass| self.in_spans(pass)).collect();
         let [first, _] = iterations(self.settings.quality);
         let bound = self.settings.wide_beads.width_by_radius_max();
         let unrounded = bound.map(|bound| (bound, begun.clone()));
@@ -219,8 +222,8 @@ impl RegionJob<'_> {
         (begun, reached)
     }
 
-    /// The passes, with gap-fill moves, and their curves.
-    fn finished(
+    /// Known passes with gap-fill moves, and their curves.
+    fn filled(
         &self,
         mut passes: Vec<LayerPass>,
         mut begun: Vec<Begun>,
@@ -242,7 +245,7 @@ impl RegionJob<'_> {
             }
             for (pass, begun) in passes.iter().zip(&mut begun) {
                 if pass.placements.len() != begun.numbers.len() {
-                    *begun = self.begun(pass);
+                    *begun = self.in_spans(pass);
                 }
             }
             let again = self.run(&mut begun, again, None);
@@ -253,10 +256,10 @@ impl RegionJob<'_> {
             }
         }
         let inside = InsideWalls {
-            aperture: self.site.aperture,
-            walls: self.site.walls,
+            aperture: &self.settings.aperture,
+            walls: self.ground.walls,
             tolerance_mm: path_tolerance_mm(self.settings),
-            scale: self.site.scale,
+            scale: self.ground.scale,
         };
         let curves = passes.into_iter().zip(begun).map(|(mut pass, begun)| {
             let Some(control) = checked(&begun.unknown.control, &inside) else {
@@ -272,9 +275,9 @@ impl RegionJob<'_> {
     }
 
     /// A pass in even spans.
-    fn begun(&self, pass: &LayerPass) -> Begun {
-        let (control, numbers) = merged(pass, self.site.aperture);
-        let even = even_spans(&sharpened(&control), self.site.aperture, self.site.limits);
+    fn in_spans(&self, pass: &LayerPass) -> Begun {
+        let (control, numbers) = merged(pass, &self.settings.aperture);
+        let even = even_spans(&sharpened(&control), &self.settings.aperture, &self.limits);
         Begun {
             unknown: OptimisedPass {
                 control: even.control,
@@ -290,7 +293,7 @@ impl RegionJob<'_> {
     fn round(&self, begun: &mut Vec<Begun>, mut rounded: Vec<Begun>, bound: f64, open_mm2: f64) {
         let tight_mm = |begun: &[Begun]| {
             let unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
-            headway_optimiser::tight_mm(&unknowns, self.site.aperture, bound)
+            headway_optimiser::tight_mm(&unknowns, &self.settings.aperture, bound)
         };
         let before_mm = tight_mm(begun);
         if before_mm > 0.0
@@ -313,7 +316,7 @@ impl RegionJob<'_> {
         let effort = Effort { iterations };
         let site = Site {
             width_by_radius_max,
-            ..self.site
+            ..self.site()
         };
         let objective = objective(self.settings);
         let report = optimise(&mut unknowns, &site, &objective, &effort);
@@ -342,7 +345,8 @@ impl RegionJob<'_> {
         };
         let before = count(passes);
         let price = AreaPrice::of(self.settings).times(price_share);
-        fill_gaps(passes, self.site.aperture, self.filled_to, Some(&price));
+        let walls = self.filled_to.as_ref().unwrap_or(self.ground.walls);
+        fill_gaps(passes, &self.settings.aperture, walls, Some(&price));
         count(passes) != before
     }
 }

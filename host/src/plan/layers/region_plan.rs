@@ -24,7 +24,7 @@ use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::layers::inside::Inside;
 use crate::plan::layers::inside_ground::InsideGround;
 use crate::plan::layers::one_heading::least_costly;
-use crate::plan::layers::optimised_passes::{Ground, PassCurve, optimised};
+use crate::plan::layers::optimised_passes::{FinishedPasses, Ground, PassCurve, RegionJob};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
@@ -366,12 +366,13 @@ impl RegionWork {
         };
         let how = pass_settings(&self.settings);
         let turning = self.ordered(passes);
-        let finished = least_costly(turning, &self.hull, &ground, &how, &self.settings);
-        let (mut passes, mut curves) = (finished.passes, finished.curves);
-        let cutter = PassCutter::new(&passes, &self.walls, &frame, &self.settings);
+        let job = RegionJob::new(&ground, &self.settings);
+        let mut found = least_costly(turning, &self.hull, &job, &how);
+        let cutter = PassCutter::new(&found.passes, &self.walls, &frame, &self.settings);
         if let Some(pieces) = cutter.cut() {
-            (passes, curves) = optimised(pieces, &ground, &self.settings);
+            found = job.optimised(pieces);
         }
+        let FinishedPasses { passes, curves, .. } = found;
         // Lines that are linked with walls come after them.
         let is_solid = |infill: Infill| infill.is_solid();
         let is_all_solid = self.settings.infill.is_some_and(is_solid);
