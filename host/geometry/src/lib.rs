@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod aperture;
+pub mod apart;
 pub mod as_numbers;
 pub mod banded;
 pub mod boolean;

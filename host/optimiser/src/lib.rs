@@ -97,6 +97,19 @@ pub struct Objective {
 pub struct Effort {
     /// Iterations: half of them with soft limits.
     pub iterations: usize,
+    /// The passes solve nearly the same problem: limits are hardened from the first iteration on, so that they keep their
+    /// shape.
+    pub is_warm: bool,
+}
+
+impl Effort {
+    /// So many iterations from passes that were not optimised before.
+    pub const fn cold(iterations: usize) -> Effort {
+        Effort {
+            iterations,
+            is_warm: false,
+        }
+    }
 }
 
 /// Whether the passes were optimised.
@@ -162,7 +175,7 @@ pub fn optimise(
         Err(outcome) => return OptimiseReport::unchanged(outcome, passes),
     };
     let before = search.newton.terms;
-    let searched = search.run(effort.iterations);
+    let searched = search.run(effort);
     let mut report = OptimiseReport::unchanged(Outcome::Optimised, passes);
     report.outside_mm = searched.finish(passes, site);
     let both = [before, searched.terms];
@@ -226,12 +239,13 @@ impl<'a> Search<'a> {
     }
 
     /// Makes the iterations: the first with all knots, the others with those that move.
-    fn run(self, count: usize) -> Searched {
+    fn run(self, effort: &Effort) -> Searched {
         let Search { units, mut newton } = self;
+        let count = effort.iterations;
         let passes = newton.passes.clone();
         let mut knots = newton.knots.clone();
         let first = count.min(WHOLE_ITERATIONS);
-        newton.run(1..=first, count, |_, _| {});
+        newton.run(1..=first, effort, |_, _| {});
         let radius = newton.objectives.ground.radius();
         let moved = [&knots, &newton.knots];
         // Rounding moves a knot little in each iteration, and far in all of them.
@@ -242,7 +256,7 @@ impl<'a> Search<'a> {
         if let Some(part) = part.flatten() {
             newton = newton.narrowed(&part);
             let before = newton.terms;
-            newton.run(first + 1..=count, count, |_, _| {});
+            newton.run(first + 1..=count, effort, |_, _| {});
             for (&knot, own) in part.knots.iter().zip(&newton.knots) {
                 knots[knot] = *own;
             }
@@ -250,7 +264,7 @@ impl<'a> Search<'a> {
             terms.open += newton.terms.open - before.open;
             terms.twice += newton.terms.twice - before.twice;
         } else {
-            newton.run(first + 1..=count, count, |_, _| {});
+            newton.run(first + 1..=count, effort, |_, _| {});
             (knots, terms) = (newton.knots, newton.terms);
         }
         Searched {

@@ -70,8 +70,8 @@ fn what_stays_does_not_change_the_result() {
     let site = site(&bar, &ELLIPSE, &limits);
     let passes = bent_beads();
     let mut whole = begun(&passes, &site).newton;
-    whole.run(1..=20, 20, |_, _| {});
-    let searched = begun(&passes, &site).run(20);
+    whole.run(1..=20, &Effort::cold(20), |_, _| {});
+    let searched = begun(&passes, &site).run(&Effort::cold(20));
     let bend_mm = |knots: &[Knot]| {
         // The lower bead's knots, in mm from the bar's middle of 50 x 1.2.
         let bent = knots[..403]

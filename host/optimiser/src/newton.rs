@@ -11,6 +11,7 @@ use super::ground::Ground;
 use super::motion::Motion;
 use super::moving::Moving;
 use super::terms::Terms;
+use super::Effort;
 use std::ops::RangeInclusive;
 
 /// Weight of limits, price of poses outside and blur of the area's price: from soft to hard.
@@ -73,9 +74,16 @@ impl Hardness {
         }
     }
 
-    /// The level of iteration `number` (from 1) of `count`.
-    fn level(number: usize, count: usize) -> usize {
-        let soft = (count as f64 * SOFT_SHARE) as usize;
+    /// The level of iteration `number` (from 1).
+    fn level(number: usize, effort: &Effort) -> usize {
+        let count = effort.iterations;
+        let soft_share = if effort.is_warm { 0.0 } else { SOFT_SHARE };
+        let from: usize = if effort.is_warm { std::env::var("WARML").ok().and_then(|v| v.parse().ok()).unwrap_or(0) } else { 0 };
+        if from > 0 {
+            let rest = (count as f64 * HARDENING_SHARE).max(1.0);
+            return LEVELS.min(from + ((number - 1) as f64 * (LEVELS + 1 - from) as f64 / rest) as usize);
+        }
+        let soft = (count as f64 * soft_share) as usize;
         if number <= soft {
             return 0;
         }
@@ -196,16 +204,16 @@ impl<'a> Newton<'a> {
         }
     }
 
-    /// Makes `count` iterations; `watch` sees each.
+    /// Makes these iterations of all; `watch` sees each.
     pub fn run(
         &mut self,
         numbers: RangeInclusive<usize>,
-        count: usize,
+        effort: &Effort,
         mut watch: impl FnMut(usize, &Terms),
     ) {
         let mut level = 0;
         for number in numbers {
-            let wanted = Hardness::level(number, count);
+            let wanted = Hardness::level(number, effort);
             if wanted != level {
                 level = wanted;
                 self.harden(level);

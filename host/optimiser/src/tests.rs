@@ -9,7 +9,7 @@ use headway_geometry::test_shapes::{ELLIPSE, SQUARE, walls};
 use headway_geometry::{Point2, Vector2};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-const EFFORT: Effort = Effort { iterations: 20 };
+const EFFORT: Effort = Effort::cold(20);
 
 /// Poses of a pass at even parameters.
 fn poses(pass: &OptimisedPass, per_span: usize) -> Vec<PlaneControl> {
@@ -274,7 +274,7 @@ fn curves_are_rounded_within_their_bound() {
             width_by_radius_max: bound,
             ..site(&walls, &ELLIPSE, &limits)
         };
-        let effort = Effort { iterations: 80 };
+        let effort = Effort::cold(80);
         let report = optimise(&mut passes, &site, &objective(0.6), &effort);
         assert_eq!(report.outcome, Outcome::Optimised);
         let poses = poses(&passes[0], 4);
@@ -308,7 +308,7 @@ fn projection_brings_a_pass_inside() {
     let site = site(&bar, &ELLIPSE, &limits);
     let search = Search::begin(&passes, &site, &objective(0.6))
         .unwrap_or_else(|outcome| panic!("{outcome:?}"));
-    let [before_mm, after_mm] = search.run(0).finish(&mut passes, &site)[0];
+    let [before_mm, after_mm] = search.run(&Effort::cold(0)).finish(&mut passes, &site)[0];
     assert!((before_mm - 0.005).abs() < 3e-4, "{before_mm}");
     assert!(after_mm < 1e-4, "{after_mm}");
     assert_eq!(after_mm, outside_mm(&passes[0], &site));

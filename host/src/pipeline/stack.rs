@@ -10,7 +10,7 @@ use crate::pipeline::layer_time::lay_with_layer_times;
 use crate::plan::judge::measure::{MeasuredPrint, measure};
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::layer_groups::{self, LayerGroup, LayerKind, RegionPrint, StackLayer};
-use crate::plan::layers::region_plan::RegionWork;
+use crate::plan::layers::region_plan::{RegionPlan, RegionWork};
 use crate::plan::layers::skirt::{SkirtPlan, skirt_plan};
 use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::progress::{Progress, Stage, step_each};
@@ -184,12 +184,13 @@ pub(crate) fn route_stack(
         None => stack.middle(),
     };
     let begun = begin(stack, settings, progress)?;
-    let works = layer_groups::with_passes(&begun.works, &stack.kinds, progress)?;
-    if !stack.may_leave_out && works.iter().flatten().all(RegionWork::is_empty) {
+    let kinds = layer_groups::layer_groups(&begun.works, &stack.kinds, &stack.layers, progress)?;
+    let mut all = kinds.iter().flat_map(|kind| &kind.regions);
+    if !stack.may_leave_out && all.all(RegionPlan::is_empty) {
         return Err(super::error::nothing_printable(begun.widest, settings));
     }
     let mut left_out = begun.left_out;
-    left_out.extend(too_narrow(stack, &works));
+    left_out.extend(too_narrow(&kinds));
     let taken = taken(stack.keep_out, settings);
     let skirt = stack.skirt_around.map(|around| {
         let skirt = skirt_plan(around, &taken, from, settings)?;
@@ -197,7 +198,6 @@ pub(crate) fn route_stack(
     });
     let skirt = skirt.transpose()?.flatten();
     let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
-    let kinds = layer_groups::layer_groups(works, &stack.kinds, &stack.layers, progress)?;
     let prints = layer_groups::region_prints(&kinds, &stack.layers, from);
     let (curves, print_of_curve) = layer_groups::plane_passes(
         skirt.as_ref(),
@@ -282,16 +282,14 @@ fn first_layer(stack: &Stack, of: impl Fn(&LayerKind) -> bool) -> u32 {
 }
 
 /// Regions in which no bead fits.
-fn too_narrow(stack: &Stack, works: &[Vec<RegionWork>]) -> Vec<LeftOut> {
+fn too_narrow(kinds: &[LayerGroup]) -> Vec<LeftOut> {
     let mut found: Vec<LeftOut> = Vec::new();
-    for (kind, works) in works.iter().enumerate() {
-        let layer = first_layer(stack, |of| std::ptr::eq(of, &stack.kinds[kind]));
-        for work in works.iter().filter(|work| work.is_empty()) {
-            let (at, area_mm2) = work.place();
+    for kind in kinds {
+        for region in kind.regions.iter().filter(|region| region.is_empty()) {
             found.push(LeftOut {
-                layer,
-                at,
-                area_mm2,
+                layer: kind.first_layer,
+                at: region.middle(),
+                area_mm2: region.contour.region.area_mm2(),
                 why: "too narrow for the aperture".to_string(),
             });
         }

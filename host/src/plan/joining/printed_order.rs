@@ -58,6 +58,20 @@ pub fn in_printing_order(
     finish.behind(passes)
 }
 
+/// Joined loops, and the lines of a sparse infill behind them.
+pub fn sparse_lines_behind(
+    mut passes: Vec<LayerPass>,
+    sparse: Vec<LayerPass>,
+    open: &[Region],
+    aperture: &Aperture,
+) -> Vec<LayerPass> {
+    if let (false, Some(from)) = (sparse.is_empty(), last_place(&passes)) {
+        let sparse = linked_along_walls(sparse, open, aperture);
+        passes.extend(ordered(sparse, from, aperture));
+    }
+    passes
+}
+
 /// The loops in the order and with the joins that make the fewest passes.
 fn joined(
     loops: Vec<LayerPass>,

@@ -7,10 +7,11 @@
 //! more, which they span as they are, and that sparse lines may end short of a wall.
 
 use crate::geometry::Point2;
+use crate::geometry::apart::apart_mm;
 use crate::geometry::boolean::{difference, grown, intersection};
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::plan::layers::bridge_ground::{Bridge, bridges, is_wide, open_space};
-use crate::plan::layers::shells::{ShellLayers, solid_ground};
+use crate::plan::layers::shells::{ShellLayers, exposed_ground};
 use crate::settings::{BOTTOM_LAYERS, Infill, Settings, TOP_LAYERS};
 use rayon::prelude::*;
 use std::sync::OnceLock;
@@ -31,6 +32,8 @@ pub struct Hollow<'a> {
     infill: Infill,
     shells: ShellLayers,
     walls_mm: f64,
+    /// As wide as the walls are at least.
+    walls_min_mm: f64,
     bead_mm: f64,
     /// Distance that beads extend over an edge without support.
     reach_mm: f64,
@@ -55,6 +58,8 @@ pub struct MixedLayer {
 struct KnownLayer {
     solid: OnceLock<Vec<Region>>,
     inside: OnceLock<Vec<Region>>,
+    /// How far its outline is from that of the layer below; infinite beyond the narrowest walls.
+    apart_mm: OnceLock<f64>,
 }
 
 /// The value of a cell, found if it is not known. Nobody waits meanwhile: a thread that finds it may be made to work on another
@@ -174,6 +179,7 @@ impl<'a> Hollow<'a> {
             infill,
             shells: shell_layers(&infill),
             walls_mm: f64::from(infill.walls) * bead_mm,
+            walls_min_mm: 2.0 * f64::from(infill.walls) * settings.aperture.minor_mm(),
             bead_mm,
             reach_mm: settings.aperture.major_mm(),
             span_max_mm: settings.longest_bridge_mm(),
@@ -220,7 +226,10 @@ impl<'a> Hollow<'a> {
         let known = layers.into_iter().map(|layer| KnownLayer {
             solid: OnceLock::from(layer.dense),
             inside: OnceLock::from(layer.inside),
+            apart_mm: OnceLock::new(),
         });
+        // What is inside is not the same where outlines are.
+        hollow.walls_min_mm = 0.0;
         hollow.known = known.collect();
         Some(hollow)
     }
@@ -285,18 +294,45 @@ impl<'a> Hollow<'a> {
         found
     }
 
+    /// True if neither of two layers has anything that the other has not, but for what is within the walls, and within
+    /// this distance of the outline.
+    fn is_alike(&self, one: usize, other: usize, most_mm: f64) -> bool {
+        let most_mm = most_mm.min(self.walls_min_mm);
+        let between = one.min(other) + 1..=one.max(other);
+        let apart_mm: f64 = between.map(|layer| self.apart_mm(layer)).sum();
+        apart_mm <= most_mm
+    }
+
+    /// How far a layer's outline is from that of the one below.
+    fn apart_mm(&self, layer: usize) -> f64 {
+        let cell = &self.known[layer].apart_mm;
+        let find = || {
+            let found = apart_mm(self.outlines[layer], self.outlines[layer - 1], self.walls_min_mm);
+            found.unwrap_or(f64::INFINITY)
+        };
+        cell.get().copied().unwrap_or_else(|| {
+            let found = find();
+            *cell.get_or_init(|| found)
+        })
+    }
+
     /// The part of a layer inside the walls that is not solid.
     fn sparse(&self, layer: usize) -> Vec<Region> {
         difference(self.inside(layer), self.solid(layer))
     }
 
     /// The solid area of a layer, including walls and overhangs, and the area of the one below that
-    /// supports it; `None` on the lowest layer, and if both have the same interior.
+    /// supports it; `None` on the lowest layer, and if both have the same interior, or one that differs by less than beads
+    /// reach.
     fn pair(&self, layer: usize) -> Option<[Vec<Region>; 2]> {
         let below = layer.checked_sub(1)?;
         let [solid, solid_below] = [layer, below].map(|layer| self.solid(layer));
         let (own, under) = (self.outlines[layer], self.outlines[below]);
         if own == under && solid == solid_below {
+            return None;
+        }
+        let is_hollow = solid.is_empty() && solid_below.is_empty() && self.empty.is_empty();
+        if is_hollow && self.is_alike(layer, below, self.reach_mm) {
             return None;
         }
         let sparse = difference(self.inside(layer), solid);
@@ -324,10 +360,11 @@ impl<'a> Hollow<'a> {
         open
     }
 
-    /// What of a layer is solid.
+    /// What of a layer inside the walls is solid, and some of what is not inside them.
     pub fn solid(&self, layer: usize) -> &[Region] {
         known(&self.known[layer].solid, || {
-            solid_ground(self.outlines, layer, self.shells)
+            let is_alike = |other: usize| self.is_alike(layer, other, self.walls_min_mm);
+            exposed_ground(self.outlines, layer, self.shells, is_alike)
         })
     }
 

@@ -30,6 +30,7 @@ use crate::plan::progress::{Progress, SIDE_BY_SIDE, Stage, Steps, Stopped};
 use crate::settings::kinds::Kinds;
 use crate::settings::{Infill, Settings};
 use rayon::prelude::*;
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -192,40 +193,24 @@ pub fn prism_layers(
     (kinds, layers)
 }
 
-/// The passes of the regions of each kind, unordered: `[kind][region]`. `outlines` are the regions
-/// of the different outlines.
-///
-/// # Errors
-/// [`Stopped`].
-pub fn with_passes(
-    outlines: &[Vec<RegionWork>],
-    kinds: &[LayerKind],
-    progress: &dyn Progress,
-) -> Result<Vec<Vec<RegionWork>>, Stopped> {
-    let regions = |kind: &LayerKind| outlines[kind.outline].len();
-    let steps = Steps::begin(progress, Stage::Passes, kinds.iter().map(regions).sum());
-    let counts: Vec<usize> = kinds.iter().map(regions).collect();
-    of_each_kind(&counts, |kind, region| {
-        let kind = &kinds[kind];
-        let work = &outlines[kind.outline][region];
-        steps.step(|| work.with_passes(kind.inside_of(work)))
-    })
-}
-
-/// The groups of layers, with their regions' passes ordered and joined.
+/// The groups of layers, with the plans of their regions. `outlines` are the regions of the different outlines.
 ///
 /// # Errors
 /// [`Stopped`].
 pub fn layer_groups(
-    works: Vec<Vec<RegionWork>>,
+    outlines: &[Vec<RegionWork>],
     kinds: &[LayerKind],
     layers: &[StackLayer],
     progress: &dyn Progress,
 ) -> Result<Vec<LayerGroup>, Stopped> {
-    let counts: Vec<usize> = works.iter().map(Vec::len).collect();
-    let steps = Steps::begin(progress, Stage::Order, counts.iter().sum());
-    let regions = of_each_kind(&counts, |kind, region| {
-        steps.step(|| works[kind][region].clone().in_order())
+    let counts: Vec<usize> = (kinds.iter())
+        .map(|kind| outlines[kind.outline].len())
+        .collect();
+    let steps = Steps::begin(progress, Stage::Passes, counts.iter().sum());
+    let regions = from_the_middle(&counts, |kind, region, next_to| {
+        let kind = &kinds[kind];
+        let work = &outlines[kind.outline][region];
+        steps.step(|| work.planned(kind.inside_of(work), next_to))
     })?;
     let kinds = kinds.iter().zip(regions).enumerate();
     let groups = kinds.map(|(number, (kind, regions))| {
@@ -239,6 +224,35 @@ pub fn layer_groups(
         }
     });
     Ok(groups.collect())
+}
+
+/// The regions of all kinds, `counts` of them, the kind in the middle first: those before and after it start from their
+/// neighbour towards it.
+fn from_the_middle(
+    counts: &[usize],
+    make: impl Fn(usize, usize, &[RegionPlan]) -> Result<RegionPlan, Stopped> + Sync,
+) -> Result<Vec<Vec<RegionPlan>>, Stopped> {
+    let mut made: Vec<Vec<RegionPlan>> = vec![Vec::new(); counts.len()];
+    let middle = counts.len() / 2;
+    for away in 0..=middle {
+        let kinds = [middle.checked_sub(away), Some(middle + away)];
+        let mut kinds: Vec<usize> = kinds.into_iter().flatten().collect();
+        kinds.retain(|&kind| kind < counts.len());
+        kinds.dedup();
+        let next_to = |kind: usize| match kind.cmp(&middle) {
+            Ordering::Less => made[kind + 1].as_slice(),
+            Ordering::Equal => &[],
+            Ordering::Greater => made[kind - 1].as_slice(),
+        };
+        let own: Vec<usize> = kinds.iter().map(|&kind| counts[kind]).collect();
+        let found = of_each_kind(&own, |number, region| {
+            make(kinds[number], region, next_to(kinds[number]))
+        })?;
+        for (kind, regions) in kinds.into_iter().zip(found) {
+            made[kind] = regions;
+        }
+    }
+    Ok(made)
 }
 
 /// The results for each region of each kind, `[kind][region]`, `counts` of them, some in parallel:

@@ -4,6 +4,7 @@
 //! Contour --region_plan--> RegionPlan --layer_groups--> LayerGroup, RegionPrint, PlanePass
 //! (mm, local)              (mm, rad)                    (alike layers once; machine coordinates)
 //! passes --one_heading--> the cheaper of those that turn and those of one heading, optimised
+//! the plan of the layer next to it --warm_start--> where the optimiser starts on an outline that is nearly the same
 //! outline --skirt--> SkirtPlan (loops around the first layer)
 //! outlines --bridge_ground--> Bridge (what spans open space, and in which direction)
 //! outlines, infill --hollow--> the same of roofs over a sparse or empty inside
@@ -22,6 +23,7 @@ pub mod optimised_passes;
 pub mod region_plan;
 pub mod shells;
 pub mod skirt;
+pub mod warm_start;
 
 use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::pass::PassKind;

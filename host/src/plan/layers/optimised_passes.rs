@@ -65,6 +65,19 @@ pub struct FinishedPasses {
     pub curves: Vec<PassCurve>,
     /// The objective, s ([`BegunPasses::cost_s`]).
     pub cost_s: Option<f64>,
+    /// What another region like this one may start from.
+    pub solution: Option<Solution>,
+}
+
+/// Passes of a region as the optimiser left them, if all of them have curves.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// Those that it knows.
+    pub passes: Vec<LayerPass>,
+    /// Their unknowns.
+    pub begun: Vec<Begun>,
+    /// The objective of the one that began without another's, for its area, s/mm².
+    pub cost_s_mm2: f64,
 }
 
 /// Passes of a region after their first optimisation.
@@ -103,11 +116,31 @@ struct Reached {
 }
 
 /// A pass in the optimiser.
-#[derive(Clone)]
-struct Begun {
-    unknown: OptimisedPass,
+#[derive(Clone, Debug)]
+pub struct Begun {
+    /// Its control points and pace.
+    pub unknown: OptimisedPass,
     /// For each control point the placement that it came from.
     numbers: Vec<usize>,
+}
+
+/// A pass that the optimiser knows, when it is done.
+struct KnownPass {
+    pass: LayerPass,
+    curve: PassCurve,
+    begun: Begun,
+}
+
+impl Solution {
+    /// `None` unless all passes have curves.
+    fn of(found: &[KnownPass], cost_s_mm2: f64) -> Option<Solution> {
+        let is_whole = found.iter().all(|known| known.curve.is_some());
+        (is_whole && cost_s_mm2.is_finite()).then(|| Solution {
+            passes: found.iter().map(|known| known.pass.clone()).collect(),
+            begun: found.iter().map(|known| known.begun.clone()).collect(),
+            cost_s_mm2,
+        })
+    }
 }
 
 /// The placements of the passes become poses of their optimised curves.
@@ -184,15 +217,48 @@ impl<'a> RegionJob<'a> {
         let cost_s = all.cost_s(self.settings);
         let mut passes = all.passes;
         let mut curves = vec![None; passes.len()];
-        for (number, (pass, curve)) in all.numbers.into_iter().zip(found) {
-            passes[number] = pass;
-            curves[number] = curve;
+        let cost_s_mm2 = reached.map(|reached| reached.cost_s / self.ground_mm2);
+        let solution = cost_s_mm2.and_then(|cost_s_mm2| Solution::of(&found, cost_s_mm2));
+        for (number, known) in all.numbers.into_iter().zip(found) {
+            passes[number] = known.pass;
+            curves[number] = known.curve;
         }
         FinishedPasses {
             passes,
             curves,
             cost_s,
+            solution,
         }
+    }
+
+    /// The passes of a region like this one, moved onto it and optimised briefly; `None` where the result is worse than
+    /// what it was there, or leaves the walls.
+    pub fn resumed(&self, start: Solution) -> Option<FinishedPasses> {
+        let Solution {
+            mut passes,
+            mut begun,
+            cost_s_mm2,
+        } = start;
+        let effort = Effort {
+            iterations: std::env::var("WARMN").ok().and_then(|v| v.parse().ok()).unwrap_or(WARM_ITERATIONS),
+            is_warm: true,
+        };
+        let reached = self.run(&mut begun, &effort, None)?;
+        if std::env::var("WARMDBG").is_ok() { eprintln!("WARM ratio {:.4} open {:.3}", reached.cost_s / (cost_s_mm2 * self.ground_mm2), reached.open_mm2);}
+        if reached.cost_s > WORSE_MAX * cost_s_mm2 * self.ground_mm2 {
+            return None;
+        }
+        take(&mut passes, &mut begun);
+        let found = self.with_curves(passes, begun);
+        let solution = Solution::of(&found, cost_s_mm2)?;
+        let known = found.into_iter().map(|known| (known.pass, known.curve));
+        let (passes, curves) = known.unzip();
+        Some(FinishedPasses {
+            passes,
+            curves,
+            cost_s: None,
+            solution: Some(solution),
+        })
     }
 
     fn site(&self) -> Site<'_> {
@@ -212,7 +278,7 @@ impl<'a> RegionJob<'a> {
         let [first, _] = iterations(self.settings.quality);
         let bound = self.settings.wide_beads.width_by_radius_max();
         let unrounded = bound.map(|bound| (bound, begun.clone()));
-        let reached = self.run(&mut begun, first, None);
+        let reached = self.run(&mut begun, &Effort::cold(first), None);
         if let Some(Reached { open_mm2, .. }) = reached {
             if let Some((bound, unrounded)) = unrounded {
                 self.round(&mut begun, unrounded, bound, open_mm2);
@@ -228,10 +294,16 @@ impl<'a> RegionJob<'a> {
         mut passes: Vec<LayerPass>,
         mut begun: Vec<Begun>,
         mut reached: Option<Reached>,
-    ) -> (Vec<(LayerPass, PassCurve)>, Option<Reached>) {
+    ) -> (Vec<KnownPass>, Option<Reached>) {
         let Some(Reached { open_mm2, .. }) = reached else {
             self.fill(&mut passes, 1.0);
-            return (passes.into_iter().map(|pass| (pass, None)).collect(), None);
+            let unchanged = passes.into_iter().zip(begun);
+            let unchanged = unchanged.map(|(pass, begun)| KnownPass {
+                pass,
+                curve: None,
+                begun,
+            });
+            return (unchanged.collect(), None);
         };
         let [_, again] = iterations(self.settings.quality);
         let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
@@ -248,30 +320,41 @@ impl<'a> RegionJob<'a> {
                     *begun = self.in_spans(pass);
                 }
             }
-            let again = self.run(&mut begun, again, None);
+            let again = self.run(&mut begun, &Effort::cold(again), None);
             take(&mut passes, &mut begun);
             reached = again.or(reached);
             if again.is_some_and(|again| is_little(again.open_mm2)) {
                 break;
             }
         }
+        (self.with_curves(passes, begun), reached)
+    }
+
+    /// The passes with their curves, where these are inside the walls.
+    fn with_curves(&self, passes: Vec<LayerPass>, begun: Vec<Begun>) -> Vec<KnownPass> {
         let inside = InsideWalls {
             aperture: &self.settings.aperture,
             walls: self.ground.walls,
             tolerance_mm: path_tolerance_mm(self.settings),
             scale: self.ground.scale,
         };
-        let curves = passes.into_iter().zip(begun).map(|(mut pass, begun)| {
-            let Some(control) = checked(&begun.unknown.control, &inside) else {
-                return (pass, None);
-            };
-            // A curve that was led around has a few more points than it began with.
-            let share = (begun.numbers.len() - 1) as f64 / (control.len() - 1) as f64;
-            let number = |i: usize| begun.numbers[(i as f64 * share) as usize];
-            pass.placements = placements_on(&control, |i| pass.placements[number(i)]);
-            (pass, Some(control.into()))
+        let known = passes.into_iter().zip(begun).map(|(mut pass, mut begun)| {
+            let curve = checked(&begun.unknown.control, &inside);
+            if let Some(control) = &curve {
+                // A curve that was led around has a few more points than it began with.
+                let share = (begun.numbers.len() - 1) as f64 / (control.len() - 1) as f64;
+                let number = |i: usize| begun.numbers[(i as f64 * share) as usize];
+                pass.placements = placements_on(control, |i| pass.placements[number(i)]);
+                let own = |i: usize| ((i as f64 / share) as usize).min(control.len() - 1);
+                begun.numbers = (0..begun.numbers.len()).map(own).collect();
+            }
+            KnownPass {
+                pass,
+                curve: curve.map(Into::into),
+                begun,
+            }
         });
-        (curves.collect(), reached)
+        known.collect()
     }
 
     /// A pass in even spans.
@@ -297,7 +380,7 @@ impl<'a> RegionJob<'a> {
         };
         let before_mm = tight_mm(begun);
         if before_mm > 0.0
-            && (self.run(&mut rounded, ROUNDING, Some(bound)))
+            && (self.run(&mut rounded, &Effort::cold(ROUNDING), Some(bound)))
                 .is_some_and(|rounded| rounded.open_mm2 - open_mm2 < OPEN_SHARE * self.ground_mm2)
             && tight_mm(&rounded) <= 0.5 * before_mm
         {
@@ -309,17 +392,16 @@ impl<'a> RegionJob<'a> {
     fn run(
         &self,
         begun: &mut [Begun],
-        iterations: usize,
+        effort: &Effort,
         width_by_radius_max: Option<f64>,
     ) -> Option<Reached> {
         let mut unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
-        let effort = Effort { iterations };
         let site = Site {
             width_by_radius_max,
             ..self.site()
         };
         let objective = objective(self.settings);
-        let report = optimise(&mut unknowns, &site, &objective, &effort);
+        let report = optimise(&mut unknowns, &site, &objective, effort);
         if report.outcome != Outcome::Optimised {
             return None;
         }
@@ -364,6 +446,11 @@ fn objective(settings: &Settings) -> Objective {
 
 /// Iterations in which a corner is rounded to a radius of some widths: a step moves a point by a quarter of a at most.
 const ROUNDING: usize = 80;
+
+/// Iterations from the passes of the layer next to a region's.
+const WARM_ITERATIONS: usize = 10;
+/// What the objective may be, for the area, against the layer that was planned without another's passes.
+const WORSE_MAX: f64 = 1.02;
 
 /// Iterations that a quality pays for, and once more where gap-fill moves were added.
 fn iterations(quality: Quality) -> [usize; 2] {

@@ -20,18 +20,23 @@ use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
 use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::curve::heading_stops::PassCutter;
 use crate::plan::headings::profile::turn_weight_mm4;
-use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
+use crate::plan::joining::printed_order::{
+    RegionPasses, in_printing_order, sparse_lines_behind,
+};
 use crate::plan::layers::inside::Inside;
 use crate::plan::layers::inside_ground::InsideGround;
 use crate::plan::layers::one_heading::least_costly;
-use crate::plan::layers::optimised_passes::{FinishedPasses, Ground, PassCurve, RegionJob};
+use crate::plan::layers::optimised_passes::{
+    FinishedPasses, Ground, PassCurve, RegionJob,
+};
+use crate::plan::layers::warm_start::{PlacedWalls, WarmStart};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::pose_limits::pose_limits;
 use crate::settings::kinds::Kinds;
-use crate::settings::{Infill, PassMode, Settings};
+use crate::settings::{Infill, PassMode, SeamPlace, Settings};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -68,9 +73,16 @@ pub struct RegionPlan {
     pub sparse: Vec<Region>,
     /// Speeds and flows by kind, where they are not the job's.
     pub kinds: Option<Kinds>,
+    /// What the next layer may start from.
+    warm_start: Option<WarmStart>,
 }
 
 impl RegionPlan {
+    /// True if nothing of it can be printed.
+    pub fn is_empty(&self) -> bool {
+        self.passes.is_empty()
+    }
+
     /// The middle of the region's box, input coordinates.
     pub fn middle(&self) -> Point2 {
         self.contour.to_input(Point2::origin())
@@ -268,70 +280,83 @@ impl RegionWork {
         work
     }
 
-    /// The region with its passes, unordered: walls with these lines inside, or loops.
-    pub fn with_passes(&self, inside: &Inside) -> RegionWork {
+    /// The region's plan with this inside. Where its outline is nearly that of one of the regions `next_to` it, its passes
+    /// are those.
+    pub fn planned(&self, inside: &Inside, next_to: &[RegionPlan]) -> RegionPlan {
         let mut work = self.asked(inside);
-        let how = pass_settings(&self.settings);
-        match &work.settings.infill {
-            None => work.passes = passes(&self.hull, &self.walls, &self.axis, &how),
-            Some(infill) => {
-                let walls = infill.walls as usize;
-                let (mut passes, rings) =
-                    outer_passes(&self.hull, &self.walls, &self.axis, &how, walls);
-                work.open = filled(rings.iter(), FillRule::Positive);
-                let mut rest = work.open.clone();
-                let ground = InsideGround {
-                    frame: &self.frame,
-                    offset: self.contour.offset,
-                    aperture: &self.settings.aperture,
-                };
-                let mut over: [Vec<Region>; 2] = Default::default();
-                for bridge in &inside.bridges {
-                    let over_air = ground.bridged(&bridge.ground, &rest);
-                    let angle_rad = self.frame.angle_in(bridge.angle_rad);
-                    let (lines, loops) = match bridge.over_lines {
-                        true => roof_lines(&over_air, angle_rad, &how),
-                        false => (bridge_lines(&over_air, angle_rad, &how), Vec::new()),
-                    };
-                    work.bridges.extend(lines);
-                    passes.extend(loops);
-                    if !over_air.is_empty() {
-                        rest = difference(&rest, &over_air);
-                    }
-                    over[usize::from(bridge.over_lines)].extend(over_air);
-                }
-                let [bridged, roofed] = over;
-                let is_one = inside.areas.is_empty();
-                let [solid, sparse] = match infill.is_solid() && is_one {
-                    true => [rest, Vec::new()],
-                    false => ground.divided(&rest, &inside.solid),
-                };
-                let filled = Infill {
-                    density_pct: infill.density_pct.max(100.0),
-                    ..*infill
-                };
-                passes.extend(infill_passes(&solid, &filled, &how));
-                let parts = [&solid, &sparse, &bridged, &roofed];
-                work.is_mixed = parts.iter().filter(|part| !part.is_empty()).count() > 1;
-                work.sparse = match is_one {
-                    true => infill_passes(&sparse, infill, &how),
-                    false => ground.lines_of(&sparse, &inside.areas, &how),
-                };
-                for line in &mut work.sparse {
-                    line.kind = PassKind::Sparse;
-                }
-                work.sparse_open = sparse.clone();
-                work.sparse_open.extend(bridged);
-                work.sparse_ground = sparse;
-                work.passes = passes;
-            }
+        if let Some(plan) = work.resumed(inside, next_to) {
+            return plan;
         }
-        work
+        work.begin_passes(inside);
+        work.in_order()
     }
 
-    /// True if nothing of it can be printed.
-    pub fn is_empty(&self) -> bool {
-        self.passes.is_empty() && self.sparse.is_empty() && self.bridges.is_empty()
+    /// Its passes, unordered: walls with these lines inside, or loops.
+    fn begin_passes(&mut self, inside: &Inside) {
+        let how = pass_settings(&self.settings);
+        match &self.settings.infill {
+            None => self.passes = passes(&self.hull, &self.walls, &self.axis, &how),
+            Some(infill) => {
+                let walls = infill.walls as usize;
+                let (passes, rings) =
+                    outer_passes(&self.hull, &self.walls, &self.axis, &how, walls);
+                self.passes = passes;
+                self.open = filled(rings.iter(), FillRule::Positive);
+                self.fill_open(inside);
+            }
+        }
+    }
+
+    /// Adds what is inside the walls.
+    fn fill_open(&mut self, inside: &Inside) {
+        let Some(infill) = self.settings.infill else {
+            return;
+        };
+        let how = pass_settings(&self.settings);
+        let mut rest = self.open.clone();
+        let ground = InsideGround {
+            frame: &self.frame,
+            offset: self.contour.offset,
+            aperture: &self.settings.aperture,
+        };
+        let mut over: [Vec<Region>; 2] = Default::default();
+        for bridge in &inside.bridges {
+            let over_air = ground.bridged(&bridge.ground, &rest);
+            let angle_rad = self.frame.angle_in(bridge.angle_rad);
+            let (lines, loops) = match bridge.over_lines {
+                true => roof_lines(&over_air, angle_rad, &how),
+                false => (bridge_lines(&over_air, angle_rad, &how), Vec::new()),
+            };
+            self.bridges.extend(lines);
+            self.passes.extend(loops);
+            if !over_air.is_empty() {
+                rest = difference(&rest, &over_air);
+            }
+            over[usize::from(bridge.over_lines)].extend(over_air);
+        }
+        let [bridged, roofed] = over;
+        let is_one = inside.areas.is_empty();
+        let [solid, sparse] = match infill.is_solid() && is_one {
+            true => [rest, Vec::new()],
+            false => ground.divided(&rest, &inside.solid),
+        };
+        let filled = Infill {
+            density_pct: infill.density_pct.max(100.0),
+            ..infill
+        };
+        self.passes.extend(infill_passes(&solid, &filled, &how));
+        let parts = [&solid, &sparse, &bridged, &roofed];
+        self.is_mixed = parts.iter().filter(|part| !part.is_empty()).count() > 1;
+        self.sparse = match is_one {
+            true => infill_passes(&sparse, &infill, &how),
+            false => ground.lines_of(&sparse, &inside.areas, &how),
+        };
+        for line in &mut self.sparse {
+            line.kind = PassKind::Sparse;
+        }
+        self.sparse_open = sparse.clone();
+        self.sparse_open.extend(bridged);
+        self.sparse_ground = sparse;
     }
 
     /// Its box, input coordinates.
@@ -339,12 +364,6 @@ impl RegionWork {
         let Box2 { min, max } = self.contour.region.bounds();
         let [min, max] = [min, max].map(|corner| self.contour.to_input(corner));
         Box2 { min, max }
-    }
-
-    /// The middle of its box, input coordinates, and its area, mm².
-    pub fn place(&self) -> (Point2, f64) {
-        let middle = self.contour.to_input(Point2::origin());
-        (middle, self.contour.region.area_mm2())
     }
 
     /// Centre (input coordinates) and radius of the widest disk, mm.
@@ -355,24 +374,45 @@ impl RegionWork {
 
     /// Its passes in printing order, in either direction ([`RegionPlan::turned`]): joins must not
     /// depend on the region's position on the machine.
-    pub fn in_order(mut self) -> RegionPlan {
-        let frame = self.frame;
+    fn in_order(mut self) -> RegionPlan {
         let passes = std::mem::take(&mut self.passes);
-        let ground = Ground {
+        let turning = self.ordered(passes);
+        let ground = self.ground();
+        let job = RegionJob::new(&ground, &self.settings);
+        let how = pass_settings(&self.settings);
+        let mut found = least_costly(turning, &self.hull, &job, &how);
+        if let Some(pieces) = self.cutter(&found.passes).cut() {
+            found = FinishedPasses {
+                solution: None,
+                ..job.optimised(pieces)
+            };
+        }
+        self.with(found)
+    }
+
+    fn ground(&self) -> Ground<'_> {
+        Ground {
             walls: &self.walls,
             area_mm2: self.hull.area_mm2(),
             left_out: &self.sparse_open,
             scale: self.scale.as_ref(),
-        };
-        let how = pass_settings(&self.settings);
-        let turning = self.ordered(passes);
-        let job = RegionJob::new(&ground, &self.settings);
-        let mut found = least_costly(turning, &self.hull, &job, &how);
-        let cutter = PassCutter::new(&found.passes, &self.walls, &frame, &self.settings);
-        if let Some(pieces) = cutter.cut() {
-            found = job.optimised(pieces);
         }
-        let FinishedPasses { passes, curves, .. } = found;
+    }
+
+    fn cutter<'a>(&'a self, passes: &'a [LayerPass]) -> PassCutter<'a> {
+        PassCutter::new(passes, &self.walls, &self.frame, &self.settings)
+    }
+
+    /// The plan with these passes.
+    fn with(self, found: FinishedPasses) -> RegionPlan {
+        let frame = self.frame;
+        let may_start_another = self.may_start_warm();
+        let FinishedPasses {
+            passes,
+            curves,
+            solution,
+            ..
+        } = found;
         // Lines that are linked with walls come after them.
         let is_solid = |infill: Infill| infill.is_solid();
         let is_all_solid = self.settings.infill.is_some_and(is_solid);
@@ -384,11 +424,18 @@ impl RegionWork {
         };
         let (walls, lines) = passes.split_at(lines_from);
         let ends = [walls, lines].map(|group| ends_of(group).filter(|_| may_turn));
+        let out = |region: &Region| frame.region_out(region);
+        let open: Vec<Region> = self.open.iter().map(out).collect();
+        let warm_start = solution.filter(|_| may_start_another);
+        let warm_start = warm_start.map(|solution| WarmStart {
+            walls: self.settings.infill.map(|infill| infill.walls),
+            solution,
+            open: self.open,
+        });
         let mut axis = self.axis;
         for point in &mut axis.points {
             *point = frame.point_out(*point);
         }
-        let out = |region: &Region| frame.region_out(region);
         let unreachable = self.unreachable.iter().map(|run| UnreachableRun {
             from: frame.point_out(run.from),
             to: frame.point_out(run.to),
@@ -405,10 +452,59 @@ impl RegionWork {
             unreachable: unreachable.collect(),
             passes,
             curves,
-            open: self.open.iter().map(out).collect(),
+            open,
             sparse: self.sparse_ground.iter().map(out).collect(),
             kinds: self.kinds,
+            warm_start,
         }
+    }
+
+    /// True if only the outline decides where the passes run that the optimiser knows.
+    fn may_start_warm(&self) -> bool {
+        let is_solid = |infill: Infill| infill.is_solid();
+        self.bridges.is_empty()
+            && !self.is_mixed
+            && !self.settings.infill.is_some_and(is_solid)
+            && self.scale.is_none()
+            && self.settings.seam.place == SeamPlace::Nearest
+            && self.settings.wide_beads.width_by_radius_max().is_none()
+    }
+
+    /// The plan by the passes of the region next to it that has nearly its outline, moved onto it.
+    fn resumed(&self, inside: &Inside, next_to: &[RegionPlan]) -> Option<RegionPlan> {
+        if !self.may_start_warm() || !inside.bridges.is_empty() {
+            return None;
+        }
+        let to = PlacedWalls {
+            walls: &self.walls,
+            frame: self.frame,
+            offset: self.contour.offset,
+        };
+        let walls = self.settings.infill.map(|infill| infill.walls);
+        let aperture = &self.settings.aperture;
+        let start = next_to.iter().find_map(|other| {
+            let from = PlacedWalls {
+                walls: &other.walls,
+                frame: other.frame,
+                offset: other.contour.offset,
+            };
+            let start = other.warm_start.as_ref()?;
+            (start.walls == walls).then(|| start.moved(&from, &to, aperture))?
+        })?;
+        let mut work = self.clone();
+        work.open = start.open;
+        work.fill_open(inside);
+        // Solid lines are linked with walls.
+        if !work.passes.is_empty() || !work.may_start_warm() {
+            return None;
+        }
+        let ground = work.ground();
+        let mut found = RegionJob::new(&ground, &work.settings).resumed(start.solution)?;
+        let sparse = work.sparse.clone();
+        found.passes = sparse_lines_behind(found.passes, sparse, &work.sparse_open, aperture);
+        found.curves.resize(found.passes.len(), None);
+        let is_cut = work.cutter(&found.passes).cut().is_some();
+        (!is_cut).then(|| work.with(found))
     }
 
     /// The passes as they are printed, begun near a corner of the region's box. Of a small region,

@@ -6,6 +6,7 @@
 //! and overhangs. The planner uses the part inside the walls.
 
 use crate::geometry::Point2;
+use crate::geometry::apart::apart_mm;
 use crate::geometry::boolean::{difference, grown};
 use crate::geometry::polygon::Region;
 use rayon::prelude::*;
@@ -21,21 +22,32 @@ pub struct ShellLayers {
 
 /// The area of a layer that is exposed within a number of layers.
 pub fn solid_ground(outlines: &[&[Region]], layer: usize, shells: ShellLayers) -> Vec<Region> {
+    exposed_ground(outlines, layer, shells, |_| false)
+}
+
+/// The same, but for what is near the outline only: `is_alike` is true of a layer that lacks nothing else.
+pub fn exposed_ground(
+    outlines: &[&[Region]],
+    layer: usize,
+    shells: ShellLayers,
+    is_alike: impl Fn(usize) -> bool,
+) -> Vec<Region> {
     let own = outlines[layer];
-    let above = (1..=shells.top as usize).map(|step| outlines.get(layer + step));
-    let below = (1..=shells.bottom as usize).map(|step| {
-        layer
-            .checked_sub(step)
-            .and_then(|other| outlines.get(other))
-    });
+    let above = (1..=shells.top as usize).map(|step| Some(layer + step));
+    let below = (1..=shells.bottom as usize).map(|step| layer.checked_sub(step));
+    let others = above.chain(below);
+    let others: Option<Vec<usize>> = others
+        .map(|other| other.filter(|&other| other < outlines.len()))
+        .collect();
+    let Some(others) = others else {
+        // Above the last layer and below the first there is nothing.
+        return own.to_vec();
+    };
     let mut open = Vec::new();
     let mut last: &[Region] = own;
-    for other in above.chain(below) {
-        let Some(&other) = other else {
-            // Above the last layer and below the first there is nothing.
-            return own.to_vec();
-        };
-        if other != own && other != last {
+    for number in others {
+        let other = outlines[number];
+        if other != own && other != last && !is_alike(number) {
             open.extend(difference(own, other));
         }
         last = other;
@@ -69,7 +81,7 @@ pub fn overhangs(
     let found = layers.map(|layer| {
         let below = layer.checked_sub(1).map(|below| outlines[below]);
         let mut open = match below {
-            Some(below) if below != outlines[layer] => {
+            Some(below) if apart_mm(outlines[layer], below, reach_mm).is_none() => {
                 difference(outlines[layer], &grown(below, reach_mm))
             }
             _ => Vec::new(),
