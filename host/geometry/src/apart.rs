@@ -86,7 +86,10 @@ mod tests {
                 .collect();
             let [one, other] = [&points, &other].map(|points| vec![region(&[points])]);
             let bound_mm = apart_mm(&one, &other, 0.5).expect("near");
-            assert!(bound_mm > 0.0 && bound_mm <= by.norm() + 0.004 * 11.0, "{bound_mm}");
+            assert!(
+                bound_mm > 0.0 && bound_mm <= by.norm() + 0.004 * 11.0,
+                "{bound_mm}"
+            );
             for (p, q) in [(&one, &other), (&other, &one)] {
                 let beyond = difference(p, &grown(q, bound_mm * 1.001 + 1e-6));
                 let beyond_mm2: f64 = beyond.iter().map(Region::area_mm2).sum();
@@ -117,9 +120,16 @@ mod tests {
             [9.9, 0.1],
             [0.1, 0.05],
         ];
-        let cut: &[[f64; 2]] = &[[0.0, 0.0], [9.0, 0.0], [10.0, 1.0], [10.0, 10.0], [0.0, 10.0]];
+        let cut: &[[f64; 2]] = &[
+            [0.0, 0.0],
+            [9.0, 0.0],
+            [10.0, 1.0],
+            [10.0, 10.0],
+            [0.0, 10.0],
+        ];
         let one = [region(&[square])];
-        let others: [&[&[[f64; 2]]]; 4] = [&[square, hole], &[folded], &[cut], &[square, &hole[..3]]];
+        let others: [&[&[[f64; 2]]]; 4] =
+            [&[square, hole], &[folded], &[cut], &[square, &hole[..3]]];
         for rings in others {
             assert_eq!(apart_mm(&one, &[region(rings)], 0.3), None, "{rings:?}");
         }

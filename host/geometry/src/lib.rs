@@ -1,8 +1,8 @@
 //! Planar geometry for the planner: shapes, apertures, distances. Contains no planning.
 #![forbid(unsafe_code)]
 
-pub mod aperture;
 pub mod apart;
+pub mod aperture;
 pub mod as_numbers;
 pub mod banded;
 pub mod boolean;

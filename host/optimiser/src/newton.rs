@@ -3,6 +3,7 @@
 //! In: knots and the terms of the objective. Out: better knots. Limits that are hard from the start keep the path
 //! in place; soft ones permit another shape, which is then brought within them in steps (continuation).
 
+use super::Effort;
 use super::band::{System, WIDTH};
 use super::containment::{Containment, Wall};
 use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
@@ -11,7 +12,6 @@ use super::ground::Ground;
 use super::motion::Motion;
 use super::moving::Moving;
 use super::terms::Terms;
-use super::Effort;
 use std::ops::RangeInclusive;
 
 /// Weight of limits, price of poses outside and blur of the area's price: from soft to hard.
@@ -78,11 +78,6 @@ impl Hardness {
     fn level(number: usize, effort: &Effort) -> usize {
         let count = effort.iterations;
         let soft_share = if effort.is_warm { 0.0 } else { SOFT_SHARE };
-        let from: usize = if effort.is_warm { std::env::var("WARML").ok().and_then(|v| v.parse().ok()).unwrap_or(0) } else { 0 };
-        if from > 0 {
-            let rest = (count as f64 * HARDENING_SHARE).max(1.0);
-            return LEVELS.min(from + ((number - 1) as f64 * (LEVELS + 1 - from) as f64 / rest) as usize);
-        }
         let soft = (count as f64 * soft_share) as usize;
         if number <= soft {
             return 0;

@@ -16,10 +16,8 @@ pub enum Stage {
     Contour,
     /// Medial axes found, by region.
     Axis,
-    /// Passes made and headings found, by region.
+    /// Passes made, joined and optimised, by region.
     Passes,
-    /// Passes ordered, joined and gaps filled, by region.
-    Order,
     /// Moves of the route timed and fitted.
     Segments,
     /// Figures measured, by region.
@@ -28,11 +26,10 @@ pub enum Stage {
 
 impl Stage {
     /// All of them, in order.
-    pub const ALL: [Stage; 6] = [
+    pub const ALL: [Stage; 5] = [
         Stage::Contour,
         Stage::Axis,
         Stage::Passes,
-        Stage::Order,
         Stage::Segments,
         Stage::Figures,
     ];
@@ -43,7 +40,6 @@ impl Stage {
             Stage::Contour => "contours",
             Stage::Axis => "medial axes",
             Stage::Passes => "passes and headings",
-            Stage::Order => "order and gaps",
             Stage::Segments => "segments",
             Stage::Figures => "figures",
         }

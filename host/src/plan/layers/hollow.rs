@@ -307,7 +307,11 @@ impl<'a> Hollow<'a> {
     fn apart_mm(&self, layer: usize) -> f64 {
         let cell = &self.known[layer].apart_mm;
         let find = || {
-            let found = apart_mm(self.outlines[layer], self.outlines[layer - 1], self.walls_min_mm);
+            let found = apart_mm(
+                self.outlines[layer],
+                self.outlines[layer - 1],
+                self.walls_min_mm,
+            );
             found.unwrap_or(f64::INFINITY)
         };
         cell.get().copied().unwrap_or_else(|| {

@@ -240,11 +240,10 @@ impl<'a> RegionJob<'a> {
             cost_s_mm2,
         } = start;
         let effort = Effort {
-            iterations: std::env::var("WARMN").ok().and_then(|v| v.parse().ok()).unwrap_or(WARM_ITERATIONS),
+            iterations: iterations(self.settings.quality)[2],
             is_warm: true,
         };
         let reached = self.run(&mut begun, &effort, None)?;
-        if std::env::var("WARMDBG").is_ok() { eprintln!("WARM ratio {:.4} open {:.3}", reached.cost_s / (cost_s_mm2 * self.ground_mm2), reached.open_mm2);}
         if reached.cost_s > WORSE_MAX * cost_s_mm2 * self.ground_mm2 {
             return None;
         }
@@ -275,7 +274,7 @@ impl<'a> RegionJob<'a> {
     /// The passes after the first optimisation; `None` if it does not apply.
     fn begin(&self, passes: &mut [LayerPass]) -> (Vec<Begun>, Option<Reached>) {
         let mut begun: Vec<Begun> = passes.iter().map(|pass| self.in_spans(pass)).collect();
-        let [first, _] = iterations(self.settings.quality);
+        let [first, ..] = iterations(self.settings.quality);
         let bound = self.settings.wide_beads.width_by_radius_max();
         let unrounded = bound.map(|bound| (bound, begun.clone()));
         let reached = self.run(&mut begun, &Effort::cold(first), None);
@@ -305,7 +304,7 @@ impl<'a> RegionJob<'a> {
             });
             return (unchanged.collect(), None);
         };
-        let [_, again] = iterations(self.settings.quality);
+        let [_, again, _] = iterations(self.settings.quality);
         let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
         let price_shares = match is_little(open_mm2) {
             true => &FILL_SHARES[..1],
@@ -447,17 +446,15 @@ fn objective(settings: &Settings) -> Objective {
 /// Iterations in which a corner is rounded to a radius of some widths: a step moves a point by a quarter of a at most.
 const ROUNDING: usize = 80;
 
-/// Iterations from the passes of the layer next to a region's.
-const WARM_ITERATIONS: usize = 10;
 /// What the objective may be, for the area, against the layer that was planned without another's passes.
 const WORSE_MAX: f64 = 1.02;
 
-/// Iterations that a quality pays for, and once more where gap-fill moves were added.
-fn iterations(quality: Quality) -> [usize; 2] {
+/// Iterations that a quality pays for, once more where gap-fill moves were added, and from the passes of the layer next to it.
+fn iterations(quality: Quality) -> [usize; 3] {
     match quality {
-        Quality::Fast => [10, 10],
-        Quality::Standard => [20, 30],
-        Quality::Fine => [40, 80],
+        Quality::Fast => [10, 10, 6],
+        Quality::Standard => [20, 30, 10],
+        Quality::Fine => [40, 80, 20],
     }
 }
 

@@ -20,15 +20,11 @@ use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
 use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::curve::heading_stops::PassCutter;
 use crate::plan::headings::profile::turn_weight_mm4;
-use crate::plan::joining::printed_order::{
-    RegionPasses, in_printing_order, sparse_lines_behind,
-};
+use crate::plan::joining::printed_order::{RegionPasses, in_printing_order, sparse_lines_behind};
 use crate::plan::layers::inside::Inside;
 use crate::plan::layers::inside_ground::InsideGround;
 use crate::plan::layers::one_heading::least_costly;
-use crate::plan::layers::optimised_passes::{
-    FinishedPasses, Ground, PassCurve, RegionJob,
-};
+use crate::plan::layers::optimised_passes::{FinishedPasses, Ground, PassCurve, RegionJob};
 use crate::plan::layers::warm_start::{PlacedWalls, WarmStart};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
@@ -74,7 +70,7 @@ pub struct RegionPlan {
     /// Speeds and flows by kind, where they are not the job's.
     pub kinds: Option<Kinds>,
     /// What the next layer may start from.
-    warm_start: Option<WarmStart>,
+    pub(super) warm_start: Option<WarmStart>,
 }
 
 impl RegionPlan {

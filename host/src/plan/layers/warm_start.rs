@@ -54,7 +54,10 @@ impl Move {
 
     /// The one that keeps everything where it is in input coordinates.
     fn in_place(from: &PlacedWalls, to: &PlacedWalls) -> Move {
-        let place = |p: Point2| to.frame.point_in(from.frame.point_out(p) + from.offset - to.offset);
+        let place = |p: Point2| {
+            to.frame
+                .point_in(from.frame.point_out(p) + from.offset - to.offset)
+        };
         let turn = |rad: f64| to.frame.angle_in(from.frame.angle_out(rad));
         Move {
             sign: (turn(1.0) - turn(0.0)).signum(),
@@ -149,7 +152,10 @@ impl WarmStart {
                 ring.points.reverse();
             }
         }
-        moved.open = filled(moved.open.iter().flat_map(Region::rings), FillRule::Positive);
+        moved.open = filled(
+            moved.open.iter().flat_map(Region::rings),
+            FillRule::Positive,
+        );
         Some(moved)
     }
 }
@@ -198,7 +204,10 @@ impl Fit<'_> {
         let back = |p: Point2| {
             let v = p.coords - self.by.shift;
             let (sin, cos) = self.by.turn_rad.sin_cos();
-            Point2::new(v.x * cos + v.y * sin, self.by.sign * (v.y * cos - v.x * sin))
+            Point2::new(
+                v.x * cos + v.y * sin,
+                self.by.sign * (v.y * cos - v.x * sin),
+            )
         };
         let here = places_on(self.to, usize::MAX, aperture);
         here.iter().all(|&p| is_near(self.from, back(p)))
@@ -230,4 +239,173 @@ fn places_on(walls: &EdgeIndex, count: usize, aperture: &Aperture) -> Vec<Point2
         .collect();
     let every = (all.len() / count).max(1);
     all.into_iter().step_by(every).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::coverage::Cell;
+    use crate::geometry::test_shapes::region;
+    use crate::plan::coverage::raster::{same_bead_mm, within_walls};
+    use crate::plan::layers::inside::Inside;
+    use crate::plan::layers::region_plan::{RegionPlan, RegionWork};
+    use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
+    use crate::plan::pass::LayerPass;
+    use crate::settings::{Infill, Settings};
+
+    /// A plate with a notch and a hole, larger by `by_mm` all around, turned and shifted.
+    fn plate(by_mm: f64, turn_rad: f64, shift: [f64; 2]) -> Region {
+        let (low, high) = (-by_mm, 12.0 + by_mm);
+        let outline: [[f64; 2]; 8] = [
+            [low, low],
+            [high, low],
+            [high, 8.0 + by_mm],
+            [7.0 + by_mm, 8.0 + by_mm],
+            [7.0 + by_mm, 5.0 + by_mm],
+            [5.0 - by_mm, 5.0 + by_mm],
+            [5.0 - by_mm, 8.0 + by_mm],
+            [low, 8.0 + by_mm],
+        ];
+        let hole: [[f64; 2]; 4] = [
+            [9.0 + by_mm, 3.0 + by_mm],
+            [9.0 + by_mm, 5.0 - by_mm],
+            [11.0 - by_mm, 5.0 - by_mm],
+            [11.0 - by_mm, 3.0 + by_mm],
+        ];
+        placed(&[&outline, &hole], turn_rad, shift)
+    }
+
+    /// A frame of one bead or two.
+    fn frame(width_mm: f64) -> Region {
+        let (far, near) = (5.0 + 0.5 * width_mm, 5.0 - 0.5 * width_mm);
+        let outline = [[-far, -far], [far, -far], [far, far], [-far, far]];
+        let hole = [[-near, -near], [-near, near], [near, near], [near, -near]];
+        placed(&[&outline, &hole], 0.0, [0.0; 2])
+    }
+
+    fn placed(rings: &[&[[f64; 2]]], turn_rad: f64, shift: [f64; 2]) -> Region {
+        let (sin, cos) = turn_rad.sin_cos();
+        let place = |p: &[f64; 2]| {
+            let turned = [p[0] * cos - p[1] * sin, p[0] * sin + p[1] * cos];
+            [turned[0] + shift[0], turned[1] + shift[1]]
+        };
+        let rings: Vec<Vec<[f64; 2]>> = (rings.iter())
+            .map(|ring| ring.iter().map(place).collect())
+            .collect();
+        let rings: Vec<&[[f64; 2]]> = rings.iter().map(Vec::as_slice).collect();
+        region(&rings)
+    }
+
+    fn planned(outline: &Region, settings: &Settings, next_to: &[RegionPlan]) -> RegionPlan {
+        let contour = Contour::of_region(outline, SIMPLIFY_MM).expect("contour");
+        let work = RegionWork::begin(contour, None, settings).expect("axis");
+        let inside = Inside {
+            infill: settings.infill,
+            ..Inside::default()
+        };
+        work.planned(&inside, next_to)
+    }
+
+    /// Share of the area that is to be covered that is, and length of the passes of the walls, mm.
+    fn covered(plan: &RegionPlan, settings: &Settings) -> (f64, f64) {
+        let walls = plan.passes.iter().filter(|pass| !pass.kind.is_line());
+        let walls: Vec<LayerPass> = walls.cloned().collect();
+        let aperture = &settings.aperture;
+        let raster = within_walls(
+            &walls,
+            &plan.walls,
+            aperture,
+            1_000_000,
+            same_bead_mm(aperture),
+        );
+        let count = |kind: fn(&Cell) -> bool| raster.cells.iter().filter(|c| kind(c)).count();
+        let gaps = count(|cell| matches!(cell, Cell::Gap));
+        let inside = count(|cell| !matches!(cell, Cell::Outside));
+        let length_mm = walls.iter().map(LayerPass::length_mm).sum();
+        (1.0 - gaps as f64 / inside as f64, length_mm)
+    }
+
+    /// True if the plan began from the other's: its objective is compared with that of the plan that began without.
+    fn began_from(plan: &RegionPlan, other: &RegionPlan) -> bool {
+        let reference = |plan: &RegionPlan| Some(plan.warm_start.as_ref()?.solution.cost_s_mm2);
+        reference(plan).is_some() && reference(plan) == reference(other)
+    }
+
+    /// Goal: a layer like the one next to it gets that one's passes, which lie as well on it as those made for it alone.
+    /// Method: a plate with a notch and a hole, and the same smaller, turned and shifted, with loops throughout and with
+    /// two walls; coverage and path of the walls, and the same number of passes. Turned by half a turn it is alike in its
+    /// own frame only.
+    #[test]
+    fn a_layer_like_the_next_gets_its_passes() {
+        let walled = Settings {
+            infill: Some(Infill {
+                density_pct: 20.0,
+                ..Infill::solid(2)
+            }),
+            ..Settings::default()
+        };
+        for settings in [Settings::default(), walled] {
+            let first = planned(&plate(0.0, 0.0, [0.0; 2]), &settings, &[]);
+            for (by_mm, turn_rad, shift) in [
+                (0.02, 0.0, [0.0, 0.0]),
+                (-0.05, 0.02, [0.3, -0.2]),
+                (0.0, 3.1, [70.0, -0.2]),
+            ] {
+                let outline = plate(by_mm, turn_rad, shift);
+                let own = planned(&outline, &settings, std::slice::from_ref(&first));
+                let alone = planned(&outline, &settings, &[]);
+                assert!(began_from(&own, &first), "{by_mm} {turn_rad}");
+                assert!(!began_from(&alone, &first));
+                let [own_covered, alone_covered] =
+                    [&own, &alone].map(|plan| covered(plan, &settings));
+                assert!(
+                    own_covered.0 > alone_covered.0 - 2e-3,
+                    "{own_covered:?} {alone_covered:?}"
+                );
+                let longer = own_covered.1 / alone_covered.1;
+                assert!((0.98..1.02).contains(&longer), "{longer}");
+                let walls = |plan: &RegionPlan| {
+                    let loops = plan.passes.iter().filter(|pass| !pass.kind.is_line());
+                    loops.count()
+                };
+                assert_eq!(walls(&own), walls(&alone));
+                assert!(own.curves.iter().zip(&own.passes).all(|(curve, pass)| {
+                    let is_known = !pass.kind.is_line();
+                    curve.is_some() == is_known
+                }));
+            }
+        }
+    }
+
+    /// Goal: where another number of beads is needed, or the outline is another, a layer is planned without the next one's
+    /// passes. Method: a frame of one bead whose wall becomes 0.15 mm wider, a plate 0.3 mm larger, one without the
+    /// hole, loops next to walls with lines.
+    #[test]
+    fn another_outline_is_planned_alone() {
+        let settings = Settings::default();
+        let one_bead = planned(&frame(1.19), &settings, &[]);
+        let two_beads = planned(&frame(1.34), &settings, std::slice::from_ref(&one_bead));
+        assert!(!began_from(&two_beads, &one_bead));
+        let first = planned(&plate(0.0, 0.0, [0.0; 2]), &settings, &[]);
+        let larger = plate(0.3, 0.0, [0.0; 2]);
+        let mut whole = plate(0.0, 0.0, [0.0; 2]);
+        whole.holes.clear();
+        for outline in [larger, whole] {
+            let own = planned(&outline, &settings, std::slice::from_ref(&first));
+            assert!(!began_from(&own, &first));
+        }
+        let walled = Settings {
+            infill: Some(Infill {
+                density_pct: 20.0,
+                ..Infill::solid(2)
+            }),
+            ..Settings::default()
+        };
+        let own = planned(
+            &plate(0.0, 0.0, [0.0; 2]),
+            &walled,
+            std::slice::from_ref(&first),
+        );
+        assert!(!began_from(&own, &first));
+    }
 }
