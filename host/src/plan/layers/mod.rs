@@ -14,6 +14,7 @@
 //! Not covered: the choice of layers (`layer_stack`, `part_plan`), supports.
 
 pub mod bridge_ground;
+pub mod each_kind;
 pub mod hollow;
 pub mod inside;
 pub mod inside_ground;
@@ -23,7 +24,6 @@ pub mod optimised_passes;
 pub mod region_plan;
 pub mod shells;
 pub mod skirt;
-pub mod warm_start;
 
 use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::pass::PassKind;

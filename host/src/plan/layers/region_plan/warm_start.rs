@@ -5,7 +5,7 @@
 //!
 //! In: the region's walls and frame (mm), the planned region. Out: the optimiser's unknowns on the new ground; `None` where
 //! the outlines differ by more than the optimiser brings back. Not covered: a number of beads that no longer fits, which
-//! the objective shows ([`super::optimised_passes::RegionJob::resumed`]).
+//! the objective shows ([`crate::plan::layers::optimised_passes::RegionJob::resumed`]).
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::filled;
@@ -248,7 +248,8 @@ mod tests {
     use crate::geometry::test_shapes::region;
     use crate::plan::coverage::raster::{same_bead_mm, within_walls};
     use crate::plan::layers::inside::Inside;
-    use crate::plan::layers::region_plan::{RegionPlan, RegionWork};
+    use crate::plan::layers::region_plan::RegionPlan;
+    use crate::plan::layers::region_plan::region_work::RegionWork;
     use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
     use crate::plan::pass::LayerPass;
     use crate::settings::{Infill, Settings};
