@@ -350,7 +350,7 @@ mod tests {
             for (by_mm, turn_rad, shift) in [
                 (0.02, 0.0, [0.0, 0.0]),
                 (-0.05, 0.02, [0.3, -0.2]),
-                (0.0, 3.1, [70.0, -0.2]),
+                (0.01, 3.1, [70.0, -0.2]),
             ] {
                 let outline = plate(by_mm, turn_rad, shift);
                 let own = planned(&outline, &settings, std::slice::from_ref(&first));
