@@ -6,7 +6,7 @@
 
 use super::Site;
 use super::band::{PoseTerm, System};
-use super::curve::{Basis, Knot, PassKnots, Units, all_stay, blend};
+use super::curve::{At, Basis, Knot, Units, all_stay, blend};
 use super::sweep::Segment;
 use super::terms::Terms;
 use super::tool_scale::{ToolScale, Tooled};
@@ -240,6 +240,18 @@ pub struct Containment<'a> {
     /// The search at which each edge was last met.
     met: Vec<u32>,
     search: u32,
+    /// Poses nearer to a wall than the margin, of the last measurement.
+    short: Vec<Short>,
+}
+
+/// A pose nearer to a wall than the margin.
+#[derive(Clone, Copy, Debug)]
+struct Short {
+    /// First knot of its span.
+    knot: usize,
+    /// Its place on the span.
+    place: usize,
+    term: PoseTerm,
 }
 
 /// How hard containment is.
@@ -279,6 +291,7 @@ impl<'a> Containment<'a> {
             ends: [0.0, 1.0].map(Basis::at),
             near: vec![Near::not_sought(); knots],
             search: 0,
+            short: Vec::new(),
         }
     }
 
@@ -288,30 +301,48 @@ impl<'a> Containment<'a> {
     }
 
     /// Adds the penalty of poses nearer to a wall than the margin, except for spans whose knots all stay.
-    pub fn add(
-        &mut self,
-        knots: &[Knot],
-        passes: &[PassKnots],
-        stays: &[bool],
-        wall: &Wall,
-        terms: &mut Terms,
-        system: &mut System,
-    ) {
-        for pass in passes.iter().filter(|pass| pass.free) {
-            for knot in pass.span_starts().filter(|&knot| !all_stay(stays, knot)) {
-                self.seek(&knots[knot..knot + 4], knot);
+    pub fn add(&mut self, at: &At, wall: &Wall, terms: &mut Terms, system: &mut System) {
+        terms.outside += self.measure(at, wall);
+        self.add_measured(system);
+    }
+
+    /// The penalty; what it adds to a system is kept for [`Containment::add_measured`].
+    pub fn measure(&mut self, at: &At, wall: &Wall) -> f64 {
+        self.short.clear();
+        let mut outside = 0.0;
+        let places = self.places.len();
+        for pass in at.passes.iter().filter(|pass| pass.free) {
+            let ends = [pass.first, pass.first + pass.spans - 1];
+            for knot in pass.span_starts().filter(|&knot| !all_stay(at.stays, knot)) {
+                let around = &at.knots[knot..knot + 4];
+                self.seek(around, knot);
                 if self.near[knot].edges.is_empty() {
                     continue;
                 }
-                let around = &knots[knot..knot + 4];
-                for basis in &self.places {
-                    self.add_pose(around, knot, basis, wall, terms, system);
+                for place in 0..places {
+                    self.measure_pose(around, knot, place, wall, &mut outside);
                 }
-                let spans = [pass.first, pass.first + pass.spans - 1];
-                for (basis, _) in self.ends.iter().zip(spans).filter(|(_, at)| *at == knot) {
-                    self.add_pose(around, knot, basis, wall, terms, system);
+                for (end, _) in ends.iter().enumerate().filter(|(_, at)| **at == knot) {
+                    self.measure_pose(around, knot, places + end, wall, &mut outside);
                 }
             }
+        }
+        outside
+    }
+
+    /// Adds slopes and curvatures of the penalty measured last.
+    pub fn add_measured(&self, system: &mut System) {
+        for short in &self.short {
+            let basis = self.basis(short.place);
+            system.add_pose(short.knot, &basis.value, &short.term);
+        }
+    }
+
+    /// A place of a span; those of a pass's ends come last.
+    fn basis(&self, place: usize) -> &Basis {
+        match place.checked_sub(self.places.len()) {
+            None => &self.places[place],
+            Some(end) => &self.ends[end],
         }
     }
 
@@ -345,20 +376,19 @@ impl<'a> Containment<'a> {
         }
     }
 
-    /// Adds one pose of a span.
-    fn add_pose(
-        &self,
+    /// Adds the penalty of one pose of a span.
+    fn measure_pose(
+        &mut self,
         knots: &[Knot],
-        span: usize,
-        basis: &Basis,
+        knot: usize,
+        place: usize,
         wall: &Wall,
-        terms: &mut Terms,
-        system: &mut System,
+        outside: &mut f64,
     ) {
-        let pose = Placed::at(&blend(&basis.value, knots), &self.scale);
+        let pose = Placed::at(&blend(&self.basis(place).value, knots), &self.scale);
         let mut term = PoseTerm::default();
         let mut meets = false;
-        for &number in &self.near[span].edges {
+        for &number in &self.near[knot].edges {
             let segment = &self.segments[number as usize];
             let Some(clear) = self.tool.clearance(&pose, segment) else {
                 continue;
@@ -368,11 +398,11 @@ impl<'a> Containment<'a> {
                 continue;
             }
             meets = true;
-            terms.outside += 0.5 * wall.weight * short * short;
+            *outside += 0.5 * wall.weight * short * short;
             term.add(-wall.weight * short, wall.weight, &clear.by_pose);
         }
         if meets {
-            system.add_pose(span, &basis.value, &term);
+            self.short.push(Short { knot, place, term });
         }
     }
 }

@@ -58,8 +58,9 @@ impl<'a> Ground<'a> {
         self.sweep.run(knots, passes);
     }
 
-    /// Adds the area terms of the last sweep, with the corner of the price rounded over `blur`.
-    pub fn add(&mut self, blur: f64, terms: &mut Terms, system: &mut System) {
+    /// Adds the area terms of the last sweep, with the corner of the price rounded over `blur`; slopes where there is a
+    /// system.
+    pub fn add(&mut self, blur: f64, terms: &mut Terms, system: Option<&mut System>) {
         for contact in &mut self.sweep.contacts {
             (contact.slope, contact.curvature) = (0.0, 0.0);
         }
@@ -75,7 +76,9 @@ impl<'a> Ground<'a> {
             }
         }
         terms.ground += self.price * area * sum;
-        self.add_contacts(system);
+        if let Some(system) = system {
+            self.add_contacts(system);
+        }
     }
 
     /// Cover and cost of a cell; hands slope and curvature to the contacts.
