@@ -1,6 +1,7 @@
 //! The price of area left open or laid twice.
 //!
-//! In: the sweep of the passes. Out: value, gradient and curvature. A cell's coverage is the sum of its visits and
+//! In: the sweep of the passes. Out: value, gradient and curvature (of each visit by itself: what neighbouring beads share
+//! is not coupled). A cell's coverage is the sum of its visits and
 //! of the wall's contribution; 1 is correct, less is open, more is laid twice. Each cell passes its slope to the
 //! two contacts of the adjacent strip, each contact to the four knots of its pose.
 
@@ -8,9 +9,6 @@ use super::band::{PoseTerm, System};
 use super::curve::{Knot, PassKnots};
 use super::sweep::{Contact, Sweep, VISITS_MAX, Visit, cover, cover_slope, from_grid, is_strip};
 use super::terms::Terms;
-
-/// Curvature against that of one visit: what neighbouring beads share is bounded, not solved.
-const SHARED: f64 = 2.0;
 
 /// The area terms.
 #[derive(Clone, Debug)]
@@ -94,12 +92,11 @@ impl<'a> Ground<'a> {
         let edge_half = self.sweep.cells.edge_half;
         let mut slopes = [0.0f32; VISITS_MAX];
         let mut covered = wall;
-        let (mut before, mut movable) = (0.0f32, 0);
+        let mut before = 0.0f32;
         for (k, visit) in visits[..count].iter().enumerate() {
             let z = visit.distance / edge_half;
             let own = cover(z);
             slopes[k] = cover_slope(z) / edge_half;
-            movable += usize::from(slopes[k] != 0.0);
             covered += f64::from(own);
             if visit.weight < 1.0 && k > 0 {
                 // Of two visits that half count as one the lesser has the weight.
@@ -110,22 +107,20 @@ impl<'a> Ground<'a> {
             before = own;
         }
         let [value, slope, bend] = cost(covered, blur, self.twice_share);
-        if movable > 0 {
-            let price = self.price * area;
-            let (slope, bend) = (price * slope, price * bend * SHARED * movable as f64);
-            for (visit, &by_distance) in visits[..count].iter().zip(&slopes) {
-                if by_distance != 0.0 && is_strip(visit.strip) {
-                    let by_distance = f64::from(by_distance);
-                    let slope = (slope * by_distance) as f32;
-                    let bend = (bend * by_distance * by_distance) as f32;
-                    let [from, to] = self.sweep.strips[visit.strip as usize];
-                    let first = &mut self.sweep.contacts[from as usize];
-                    first.slope += (1.0 - visit.share) * slope;
-                    first.curvature += (1.0 - visit.share) * bend;
-                    let second = &mut self.sweep.contacts[to as usize];
-                    second.slope += visit.share * slope;
-                    second.curvature += visit.share * bend;
-                }
+        let price = self.price * area;
+        let (slope, bend) = (price * slope, price * bend);
+        for (visit, &by_distance) in visits[..count].iter().zip(&slopes) {
+            if by_distance != 0.0 && is_strip(visit.strip) {
+                let by_distance = f64::from(by_distance);
+                let slope = (slope * by_distance) as f32;
+                let bend = (bend * by_distance * by_distance) as f32;
+                let [from, to] = self.sweep.strips[visit.strip as usize];
+                let first = &mut self.sweep.contacts[from as usize];
+                first.slope += (1.0 - visit.share) * slope;
+                first.curvature += (1.0 - visit.share) * bend;
+                let second = &mut self.sweep.contacts[to as usize];
+                second.slope += visit.share * slope;
+                second.curvature += visit.share * bend;
             }
         }
         [covered, value]

@@ -23,7 +23,7 @@ const CURVES: f64 = 3000.0;
 const MARGIN: f64 = 1.0 / 1500.0;
 const MARGIN_HARD: f64 = 1.5;
 /// Share of the iterations that are soft, steps to hard, and the share of the rest in which they are made.
-const SOFT_SHARE: f64 = 0.5;
+const SOFT_SHARE: f64 = 0.7;
 const LEVELS: usize = 6;
 const HARDENING_SHARE: f64 = 0.8;
 /// Damping at first, its least and its growth and fall; what it adds to the curvature of each channel and the share
@@ -45,6 +45,9 @@ const TRIES: usize = 6;
 const REMEMBERED: usize = 4;
 const ABOVE_BEST: f64 = 1.1;
 const GAIN_MIN: f64 = 1e-7;
+/// Share of the ground's cost that a step leaves: a trial that fails with this much is not swept (steps leave more than
+/// nine tenths after the first iterations).
+const GROUND_LEFT: f64 = 0.8;
 
 /// How hard limits are at one time.
 #[derive(Clone, Copy, Debug)]
@@ -98,23 +101,23 @@ pub struct Objectives<'a> {
 }
 
 impl Objectives<'_> {
-    /// Value at these knots, if it is below `most`; `system` becomes gradient and curvature where it is given. Motion and
+    /// Value at these knots, if it is below `most`, where the ground costs no less than `ground`; `system` becomes gradient and curvature where it is given. Motion and
     /// walls of spans whose knots all stay do not count. A trial often fails by the walls, which take a fraction of the
     /// sweep's time: they come first. `is_swept` becomes false where other knots than before are swept.
     fn evaluate(
         &mut self,
         at: &At,
         hardness: &Hardness,
-        most: f64,
+        [ground, most]: [f64; 2],
         mut system: Option<&mut System>,
         is_swept: &mut bool,
     ) -> Option<Terms> {
         let mut terms = self.limits(at, hardness, system.as_deref_mut());
-        if terms.sum() >= most {
+        if terms.sum() + ground >= most {
             return None;
         }
         terms.outside = self.walls(at, hardness);
-        if terms.sum() >= most {
+        if terms.sum() + ground >= most {
             return None;
         }
         *is_swept = false;
@@ -318,9 +321,10 @@ impl<'a> Newton<'a> {
             stays: &self.stays,
         };
         let system = is_followed.then_some(&mut trial.system);
-        let terms = self
-            .objectives
-            .evaluate(&at, &self.hardness, most, system, &mut self.is_swept);
+        let bounds = [GROUND_LEFT * self.terms.ground, most];
+        let terms =
+            self.objectives
+                .evaluate(&at, &self.hardness, bounds, system, &mut self.is_swept);
         // False if the value is not a number.
         let Some(terms) = terms.filter(|terms| terms.sum() < most) else {
             self.damping *= DAMPING_GROWTH;

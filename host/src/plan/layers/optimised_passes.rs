@@ -368,9 +368,9 @@ const ROUNDING: usize = 80;
 /// Iterations that a quality pays for, and once more where gap-fill moves were added.
 fn iterations(quality: Quality) -> [usize; 2] {
     match quality {
-        Quality::Fast => [10, 10],
-        Quality::Standard => [20, 30],
-        Quality::Fine => [40, 80],
+        Quality::Fast => [6, 6],
+        Quality::Standard => [11, 17],
+        Quality::Fine => [24, 36],
     }
 }
 
