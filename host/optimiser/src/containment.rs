@@ -15,6 +15,7 @@ use headway_geometry::edge_index::{Edge, EdgeIndex};
 use headway_geometry::polygon::Box2;
 use headway_geometry::rounded_polygon::RoundedPolygon;
 use headway_geometry::{Point2, Vector2};
+use std::ops::Range;
 
 /// How far a span may move before the edges near it are sought again, in a, and the share of that at which they are.
 const REACH: f64 = 0.25;
@@ -158,6 +159,50 @@ impl Placed {
     }
 }
 
+/// Poses of a span that are evaluated together.
+const LANES: usize = 8;
+
+/// Poses of some places of a span, by coordinate, and the semi-axes of their tool's ellipse.
+#[derive(Clone, Debug, Default)]
+struct Lanes {
+    x: [f64; LANES],
+    y: [f64; LANES],
+    cos: [f64; LANES],
+    sin: [f64; LANES],
+    /// One over the semi-axes.
+    along: [f64; LANES],
+    across: [f64; LANES],
+}
+
+impl Lanes {
+    fn set(&mut self, k: usize, pose: &Placed, minor: f64) {
+        [self.x[k], self.y[k]] = pose.tool.center;
+        (self.cos[k], self.sin[k]) = (pose.cos, pose.sin);
+        self.along[k] = pose.tool.inverse;
+        self.across[k] = pose.tool.inverse / minor;
+    }
+
+    /// Squared distance of a segment from each centre, in the frame in which the ellipse is the unit circle. Kept apart from
+    /// its caller, so that the compiler computes the lanes together.
+    #[inline(never)]
+    fn distances2(&self, [p, q]: &Segment, found: &mut [f64; LANES]) {
+        for k in 0..LANES {
+            let (px, py) = (p[0] - self.x[k], p[1] - self.y[k]);
+            let (qx, qy) = (q[0] - self.x[k], q[1] - self.y[k]);
+            let (cos, sin) = (self.cos[k], self.sin[k]);
+            let x0 = (cos * px + sin * py) * self.along[k];
+            let y0 = (cos * py - sin * px) * self.across[k];
+            let dx = (cos * qx + sin * qy) * self.along[k] - x0;
+            let dy = (cos * qy - sin * qx) * self.across[k] - y0;
+            let t = -(x0 * dx + y0 * dy) / (dx * dx + dy * dy + 1e-30);
+            let t = if t > 0.0 { t } else { 0.0 };
+            let t = if t < 1.0 { t } else { 1.0 };
+            let (x, y) = (x0 + t * dx, y0 + t * dy);
+            found[k] = x * x + y * y;
+        }
+    }
+}
+
 /// The aperture and the unit of length.
 #[derive(Clone, Copy, Debug)]
 struct Tool<'a> {
@@ -168,9 +213,15 @@ struct Tool<'a> {
 impl Tool<'_> {
     /// The box of the aperture at a pose, grown by the distance that a span may move before edges are
     /// searched again, mm.
-    fn area(self, pose: &Placed, heading_rad: f64, units: &Units) -> Box2 {
+    fn area(self, pose: &Placed, units: &Units) -> Box2 {
         let reach_mm = |x: f64, y: f64| {
-            let support_mm = self.aperture.support_mm(heading_rad, Vector2::new(x, y));
+            let local = Vector2::new(x * pose.cos + y * pose.sin, y * pose.cos - x * pose.sin);
+            let support_mm = match self.aperture {
+                Aperture::Ellipse { major_mm, minor_mm } => {
+                    (major_mm * local.x).hypot(minor_mm * local.y)
+                }
+                Aperture::Rounded(shape) => shape.support_mm(local),
+            };
             pose.tool.size * support_mm + ACROSS * REACH * self.length_mm
         };
         let [x, y] = pose.tool.center;
@@ -193,6 +244,18 @@ impl Tool<'_> {
                 let [p, q] = segment.map(|point| pose.local_mm(&point, length_mm));
                 shape.gap_to(p, q, ACROSS * REACH * length_mm).is_some()
             }
+        }
+    }
+
+    /// Squared scaled distance beyond which a wall is farther than the margin from any pose, by [`Lanes::distances2`]; for a
+    /// polygon all are tested one by one. A distance of 1 + d is at most d off the outline across the ellipse.
+    fn reach2(self, margin: f64, is_flat: bool) -> f64 {
+        match self.aperture {
+            Aperture::Ellipse { major_mm, minor_mm } if is_flat => {
+                NEAR2.min((1.0 + margin * major_mm / minor_mm).powi(2) * (1.0 + LEVEL))
+            }
+            Aperture::Ellipse { .. } => NEAR2 * (1.0 + LEVEL),
+            Aperture::Rounded(_) => f64::INFINITY,
         }
     }
 
@@ -242,6 +305,10 @@ pub struct Containment<'a> {
     search: u32,
     /// Poses nearer to a wall than the margin, of the last measurement.
     short: Vec<Short>,
+    /// Poses of one span, and for each edge near it those that may meet it, a bit for each.
+    poses: Vec<Placed>,
+    lanes: Lanes,
+    masks: Vec<u32>,
 }
 
 /// A pose nearer to a wall than the margin.
@@ -292,6 +359,9 @@ impl<'a> Containment<'a> {
             near: vec![Near::not_sought(); knots],
             search: 0,
             short: Vec::new(),
+            poses: Vec::new(),
+            lanes: Lanes::default(),
+            masks: Vec::new(),
         }
     }
 
@@ -310,7 +380,6 @@ impl<'a> Containment<'a> {
     pub fn measure(&mut self, at: &At, wall: &Wall) -> f64 {
         self.short.clear();
         let mut outside = 0.0;
-        let places = self.places.len();
         for pass in at.passes.iter().filter(|pass| pass.free) {
             let ends = [pass.first, pass.first + pass.spans - 1];
             for knot in pass.span_starts().filter(|&knot| !all_stay(at.stays, knot)) {
@@ -319,11 +388,14 @@ impl<'a> Containment<'a> {
                 if self.near[knot].edges.is_empty() {
                     continue;
                 }
-                for place in 0..places {
-                    self.measure_pose(around, knot, place, wall, &mut outside);
+                let places = self.places.len();
+                for first in (0..places).step_by(LANES) {
+                    let end = places.min(first + LANES);
+                    outside += self.measure_places(around, knot, first..end, wall);
                 }
                 for (end, _) in ends.iter().enumerate().filter(|(_, at)| **at == knot) {
-                    self.measure_pose(around, knot, places + end, wall, &mut outside);
+                    let place = places + end;
+                    outside += self.measure_places(around, knot, place..place + 1, wall);
                 }
             }
         }
@@ -362,47 +434,88 @@ impl<'a> Containment<'a> {
         }
         near.edges.clear();
         self.search = self.search.wrapping_add(1);
+        let mut area: Option<Box2> = None;
+        self.poses.clear();
         for basis in self.places.iter().chain(&self.ends) {
             let at = blend(&basis.value, knots);
             let pose = Placed::at(&at, &self.scale);
-            let area = self.tool.area(&pose, at[2], &self.units);
-            self.walls.for_edges_in(area, |number| {
-                let is_new = self.met[number] != self.search;
-                if is_new && self.tool.is_near(&pose, &self.segments[number]) {
-                    self.met[number] = self.search;
-                    near.edges.push(number as u32);
-                }
-            });
+            let own = self.tool.area(&pose, &self.units);
+            area = Some(area.map_or(own, |area| Box2 {
+                min: area.min.inf(&own.min),
+                max: area.max.sup(&own.max),
+            }));
+            self.poses.push(pose);
         }
+        let Some(area) = area else {
+            return;
+        };
+        self.walls.for_edges_in(area, |number| {
+            if self.met[number] == self.search {
+                return;
+            }
+            self.met[number] = self.search;
+            let segment = &self.segments[number];
+            if self.walls.edges()[number].may_meet(&area)
+                && self.poses.iter().any(|pose| self.tool.is_near(pose, segment))
+            {
+                near.edges.push(number as u32);
+            }
+        });
     }
 
-    /// Adds the penalty of one pose of a span.
-    fn measure_pose(
+    /// The penalty of at most [`LANES`] poses of a span.
+    fn measure_places(
         &mut self,
         knots: &[Knot],
         knot: usize,
-        place: usize,
+        places: Range<usize>,
         wall: &Wall,
-        outside: &mut f64,
-    ) {
-        let pose = Placed::at(&blend(&self.basis(place).value, knots), &self.scale);
-        let mut term = PoseTerm::default();
-        let mut meets = false;
+    ) -> f64 {
+        let minor = self.tool.aperture.minor_mm() / self.tool.aperture.major_mm();
+        self.poses.clear();
+        for (k, place) in places.clone().enumerate() {
+            let at = blend(&self.basis(place).value, knots);
+            let pose = Placed::at(&at, &self.scale);
+            self.lanes.set(k, &pose, minor);
+            self.poses.push(pose);
+        }
+        let is_flat = self.poses.iter().all(|pose| pose.tool.place.is_none());
+        let reach2 = self.tool.reach2(wall.margin, is_flat);
+        let mut met = 0;
+        self.masks.clear();
         for &number in &self.near[knot].edges {
-            let segment = &self.segments[number as usize];
-            let Some(clear) = self.tool.clearance(&pose, segment) else {
-                continue;
-            };
-            let short = wall.margin - clear.distance;
-            if short <= 0.0 {
-                continue;
+            let mut distances2 = [0.0; LANES];
+            self.lanes
+                .distances2(&self.segments[number as usize], &mut distances2);
+            let mut mask = 0u32;
+            for (k, distance2) in distances2.iter().enumerate() {
+                mask |= u32::from(*distance2 <= reach2) << k;
             }
-            meets = true;
-            *outside += 0.5 * wall.weight * short * short;
-            term.add(-wall.weight * short, wall.weight, &clear.by_pose);
+            met |= mask;
+            self.masks.push(mask);
         }
-        if meets {
-            self.short.push(Short { knot, place, term });
+        let mut outside = 0.0;
+        for (k, place) in places.enumerate().filter(|(k, _)| met >> k & 1 == 1) {
+            let mut term = PoseTerm::default();
+            let mut meets = false;
+            let edges = self.near[knot].edges.iter().zip(&self.masks);
+            for (&number, _) in edges.filter(|(_, mask)| *mask >> k & 1 == 1) {
+                let segment = &self.segments[number as usize];
+                let Some(clear) = self.tool.clearance(&self.poses[k], segment) else {
+                    continue;
+                };
+                let short = wall.margin - clear.distance;
+                if short <= 0.0 {
+                    continue;
+                }
+                meets = true;
+                outside += 0.5 * wall.weight * short * short;
+                term.add(-wall.weight * short, wall.weight, &clear.by_pose);
+            }
+            if meets {
+                self.short.push(Short { knot, place, term });
+            }
         }
+        outside
     }
 }
