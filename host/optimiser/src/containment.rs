@@ -436,7 +436,12 @@ impl<'a> Containment<'a> {
         self.search = self.search.wrapping_add(1);
         let mut area: Option<Box2> = None;
         self.poses.clear();
-        for basis in self.places.iter().chain(&self.ends) {
+        // Of places closer than those of the iterations some are enough: the reach is more than their distance.
+        let places = self
+            .places
+            .iter()
+            .step_by((self.places.len() / LANES).max(1));
+        for basis in places.chain(&self.ends) {
             let at = blend(&basis.value, knots);
             let pose = Placed::at(&at, &self.scale);
             let own = self.tool.area(&pose, &self.units);
@@ -456,7 +461,10 @@ impl<'a> Containment<'a> {
             self.met[number] = self.search;
             let segment = &self.segments[number];
             if self.walls.edges()[number].may_meet(&area)
-                && self.poses.iter().any(|pose| self.tool.is_near(pose, segment))
+                && self
+                    .poses
+                    .iter()
+                    .any(|pose| self.tool.is_near(pose, segment))
             {
                 near.edges.push(number as u32);
             }

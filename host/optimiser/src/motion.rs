@@ -111,13 +111,7 @@ impl Motion {
 
     /// Adds time, excess over limits weighed by `hardness`, and regularising terms, except for spans whose knots all stay;
     /// slopes where there is a system.
-    pub fn add(
-        &self,
-        at: &At,
-        hardness: f64,
-        terms: &mut Terms,
-        mut system: Option<&mut System>,
-    ) {
+    pub fn add(&self, at: &At, hardness: f64, terms: &mut Terms, mut system: Option<&mut System>) {
         let knots = at.knots;
         for pass in at.passes {
             for knot in pass.span_starts().filter(|&knot| !all_stay(at.stays, knot)) {

@@ -23,7 +23,7 @@ const CURVES: f64 = 3000.0;
 const MARGIN: f64 = 1.0 / 1500.0;
 const MARGIN_HARD: f64 = 1.5;
 /// Share of the iterations that are soft, steps to hard, and the share of the rest in which they are made.
-const SOFT_SHARE: f64 = 0.7;
+const SOFT_SHARE: f64 = 0.6;
 const LEVELS: usize = 6;
 const HARDENING_SHARE: f64 = 0.8;
 /// Damping at first, its least and its growth and fall; what it adds to the curvature of each channel and the share
@@ -160,8 +160,7 @@ impl Objectives<'_> {
         terms: &mut Terms,
         mut system: Option<&mut System>,
     ) {
-        self.ground
-            .add(hardness.blur, terms, system.as_deref_mut());
+        self.ground.add(hardness.blur, terms, system.as_deref_mut());
         if let Some(system) = system {
             self.containment.add_measured(system);
         }
@@ -290,9 +289,7 @@ impl<'a> Newton<'a> {
             self.objectives.ground.sweep(at.knots, at.passes);
             self.is_swept = true;
         }
-        self.terms = self
-            .objectives
-            .weigh(&at, &self.hardness, &mut self.system);
+        self.terms = self.objectives.weigh(&at, &self.hardness, &mut self.system);
         prepare(&mut self.system, &self.passes, &self.stays);
         self.damping = self.damping.min(1.0);
         self.recent.clear();

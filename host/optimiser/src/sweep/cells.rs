@@ -409,6 +409,20 @@ impl Visits {
         }
     }
 
+    /// Whether the interior of the aperture visits a cell once, and nothing else does.
+    #[inline]
+    pub fn is_covered_once(&self, cell: usize) -> bool {
+        let visit = &self.newest[cell];
+        visit.before == FIRST && visit.strip == NO_STRIP
+    }
+
+    /// The visit of a cell that has one.
+    #[inline]
+    pub fn only(&self, cell: usize) -> Option<Visit> {
+        let visit = self.newest[cell];
+        (visit.before == FIRST).then_some(visit)
+    }
+
     /// The visits of a cell in order, as many as fit, otherwise the newest; their number.
     #[inline]
     pub fn of(&self, cell: usize, into: &mut [Visit; VISITS_MAX]) -> usize {

@@ -115,7 +115,12 @@ impl Strip {
             lanes.distance[k] = distance;
             lanes.share[k] = share;
             // Between the normals of both contacts, and near.
-            let off = [past_a < 0.0, past_b >= 0.0, distance >= most, distance <= least];
+            let off = [
+                past_a < 0.0,
+                past_b >= 0.0,
+                distance >= most,
+                distance <= least,
+            ];
             lanes.off[k] = off.map(u32::from).into_iter().fold(0, |all, one| all | one);
         }
     }

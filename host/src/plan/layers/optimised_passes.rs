@@ -369,7 +369,7 @@ const ROUNDING: usize = 80;
 fn iterations(quality: Quality) -> [usize; 2] {
     match quality {
         Quality::Fast => [6, 6],
-        Quality::Standard => [11, 17],
+        Quality::Standard => [16, 16],
         Quality::Fine => [24, 36],
     }
 }
