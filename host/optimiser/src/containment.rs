@@ -7,6 +7,7 @@
 use super::Site;
 use super::band::{PoseTerm, System};
 use super::curve::{At, Basis, Knot, Units, all_stay, blend};
+use super::pose_lanes::{LANES, Lanes};
 use super::sweep::Segment;
 use super::terms::Terms;
 use super::tool_scale::{ToolScale, Tooled};
@@ -41,9 +42,12 @@ pub struct Clearance {
 /// A pose with cosine and sine of its heading.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
-    tool: Tooled,
-    cos: f64,
-    sin: f64,
+    /// The tool there.
+    pub tool: Tooled,
+    /// Of the heading.
+    pub cos: f64,
+    /// See `cos`.
+    pub sin: f64,
 }
 
 impl Placed {
@@ -156,50 +160,6 @@ impl Placed {
             distance,
             by_pose: [-by_x, -by_y, size * -by_heading],
         })
-    }
-}
-
-/// Poses of a span that are evaluated together.
-const LANES: usize = 8;
-
-/// Poses of some places of a span, by coordinate, and the semi-axes of their tool's ellipse.
-#[derive(Clone, Debug, Default)]
-struct Lanes {
-    x: [f64; LANES],
-    y: [f64; LANES],
-    cos: [f64; LANES],
-    sin: [f64; LANES],
-    /// One over the semi-axes.
-    along: [f64; LANES],
-    across: [f64; LANES],
-}
-
-impl Lanes {
-    fn set(&mut self, k: usize, pose: &Placed, minor: f64) {
-        [self.x[k], self.y[k]] = pose.tool.center;
-        (self.cos[k], self.sin[k]) = (pose.cos, pose.sin);
-        self.along[k] = pose.tool.inverse;
-        self.across[k] = pose.tool.inverse / minor;
-    }
-
-    /// Squared distance of a segment from each centre, in the frame in which the ellipse is the unit circle. Kept apart from
-    /// its caller, so that the compiler computes the lanes together.
-    #[inline(never)]
-    fn distances2(&self, [p, q]: &Segment, found: &mut [f64; LANES]) {
-        for k in 0..LANES {
-            let (px, py) = (p[0] - self.x[k], p[1] - self.y[k]);
-            let (qx, qy) = (q[0] - self.x[k], q[1] - self.y[k]);
-            let (cos, sin) = (self.cos[k], self.sin[k]);
-            let x0 = (cos * px + sin * py) * self.along[k];
-            let y0 = (cos * py - sin * px) * self.across[k];
-            let dx = (cos * qx + sin * qy) * self.along[k] - x0;
-            let dy = (cos * qy - sin * qx) * self.across[k] - y0;
-            let t = -(x0 * dx + y0 * dy) / (dx * dx + dy * dy + 1e-30);
-            let t = if t > 0.0 { t } else { 0.0 };
-            let t = if t < 1.0 { t } else { 1.0 };
-            let (x, y) = (x0 + t * dx, y0 + t * dy);
-            found[k] = x * x + y * y;
-        }
     }
 }
 

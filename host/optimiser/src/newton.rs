@@ -101,9 +101,10 @@ pub struct Objectives<'a> {
 }
 
 impl Objectives<'_> {
-    /// Value at these knots, if it is below `most`, where the ground costs no less than `ground`; `system` becomes gradient and curvature where it is given. Motion and
-    /// walls of spans whose knots all stay do not count. A trial often fails by the walls, which take a fraction of the
-    /// sweep's time: they come first. `is_swept` becomes false where other knots than before are swept.
+    /// Value at these knots, if it is below `most`, where the ground costs no less than `ground`; `system` becomes
+    /// gradient and curvature where it is given. Motion and walls of spans whose knots all stay do not count. A trial
+    /// often fails by the walls, which take a fraction of the sweep's time: they come first. `is_swept` becomes false
+    /// where other knots than before are swept.
     fn evaluate(
         &mut self,
         at: &At,

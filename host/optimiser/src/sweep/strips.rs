@@ -102,8 +102,8 @@ impl Strip {
         let [a, b] = &self.ends;
         let [least, most] = self.bounds;
         let (y_a, y_b) = (y - a.at[1], y - b.at[1]);
-        for k in 0..LANES {
-            let x = x0 + columns[k] as f32 * size;
+        for (k, column) in columns.into_iter().enumerate() {
+            let x = x0 + column as f32 * size;
             let (x_a, x_b) = (x - a.at[0], x - b.at[0]);
             let past_a = x_a * a.along[0] + y_a * a.along[1];
             let past_b = x_b * b.along[0] + y_b * b.along[1];
