@@ -28,7 +28,7 @@ const TWICE_SHARE: f64 = 0.5;
 const FILL_SHARES: [f64; 3] = [0.5, 1.0, 4.0];
 /// Share of the area that counts as little: in a part as small as the aperture, or with a round nozzle, the area
 /// that beads cannot reach is larger.
-const OPEN_SHARE: f64 = 0.02;
+const OPEN_SHARE: f64 = 0.01;
 /// Largest displacement of a curve that is pushed inside, against b: 50 µm for 0.2 mm, which one pose in a
 /// thousand needs. A curve farther outside is not a residual of the optimiser.
 const MOVED_SHARE: f64 = 0.25;
@@ -297,8 +297,9 @@ impl<'a> RegionJob<'a> {
         };
         let before_mm = tight_mm(begun);
         if before_mm > 0.0
-            && (self.run(&mut rounded, ROUNDING, Some(bound)))
-                .is_some_and(|rounded| rounded.open_mm2 - open_mm2 < OPEN_SHARE * self.ground_mm2)
+            && (self.run(&mut rounded, ROUNDING, Some(bound))).is_some_and(|rounded| {
+                rounded.open_mm2 - open_mm2 < 2.0 * OPEN_SHARE * self.ground_mm2
+            })
             && tight_mm(&rounded) <= 0.5 * before_mm
         {
             *begun = rounded;
