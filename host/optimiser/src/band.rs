@@ -102,8 +102,15 @@ impl Band {
         x[unknowns..].fill(0.0);
         for i in (0..unknowns).rev() {
             let row = &self.rows[i];
-            let below = x[i + 1..i + WIDTH].iter().zip(&row[1..]);
-            let sum: f64 = below.map(|(x, entry)| x * entry).sum();
+            // Four sums do not wait for each other; the entry on the diagonal is left out.
+            let mut sums = [-row[0] * x[i], 0.0, 0.0, 0.0];
+            let products = x[i..i + WIDTH].chunks_exact(4).zip(row.chunks_exact(4));
+            for (x, entries) in products {
+                for (sum, (x, entry)) in sums.iter_mut().zip(x.iter().zip(entries)) {
+                    *sum += x * entry;
+                }
+            }
+            let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
             x[i] -= sum / row[0];
         }
     }

@@ -6,7 +6,8 @@
 
 use super::Site;
 use super::band::{PoseTerm, System};
-use super::curve::{Basis, Knot, PassKnots, Units, all_stay, blend};
+use super::curve::{At, Basis, Knot, Units, all_stay, blend};
+use super::pose_lanes::{LANES, Lanes};
 use super::sweep::Segment;
 use super::terms::Terms;
 use super::tool_scale::{ToolScale, Tooled};
@@ -15,6 +16,7 @@ use headway_geometry::edge_index::{Edge, EdgeIndex};
 use headway_geometry::polygon::Box2;
 use headway_geometry::rounded_polygon::RoundedPolygon;
 use headway_geometry::{Point2, Vector2};
+use std::ops::Range;
 
 /// How far a span may move before the edges near it are sought again, in a, and the share of that at which they are.
 const REACH: f64 = 0.25;
@@ -40,9 +42,12 @@ pub struct Clearance {
 /// A pose with cosine and sine of its heading.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
-    tool: Tooled,
-    cos: f64,
-    sin: f64,
+    /// The tool there.
+    pub tool: Tooled,
+    /// Of the heading.
+    pub cos: f64,
+    /// See `cos`.
+    pub sin: f64,
 }
 
 impl Placed {
@@ -168,9 +173,15 @@ struct Tool<'a> {
 impl Tool<'_> {
     /// The box of the aperture at a pose, grown by the distance that a span may move before edges are
     /// searched again, mm.
-    fn area(self, pose: &Placed, heading_rad: f64, units: &Units) -> Box2 {
+    fn area(self, pose: &Placed, units: &Units) -> Box2 {
         let reach_mm = |x: f64, y: f64| {
-            let support_mm = self.aperture.support_mm(heading_rad, Vector2::new(x, y));
+            let local = Vector2::new(x * pose.cos + y * pose.sin, y * pose.cos - x * pose.sin);
+            let support_mm = match self.aperture {
+                Aperture::Ellipse { major_mm, minor_mm } => {
+                    (major_mm * local.x).hypot(minor_mm * local.y)
+                }
+                Aperture::Rounded(shape) => shape.support_mm(local),
+            };
             pose.tool.size * support_mm + ACROSS * REACH * self.length_mm
         };
         let [x, y] = pose.tool.center;
@@ -193,6 +204,18 @@ impl Tool<'_> {
                 let [p, q] = segment.map(|point| pose.local_mm(&point, length_mm));
                 shape.gap_to(p, q, ACROSS * REACH * length_mm).is_some()
             }
+        }
+    }
+
+    /// Squared scaled distance beyond which a wall is farther than the margin from any pose, by [`Lanes::distances2`]; for a
+    /// polygon all are tested one by one. A distance of 1 + d is at most d off the outline across the ellipse.
+    fn reach2(self, margin: f64, is_flat: bool) -> f64 {
+        match self.aperture {
+            Aperture::Ellipse { major_mm, minor_mm } if is_flat => {
+                NEAR2.min((1.0 + margin * major_mm / minor_mm).powi(2) * (1.0 + LEVEL))
+            }
+            Aperture::Ellipse { .. } => NEAR2 * (1.0 + LEVEL),
+            Aperture::Rounded(_) => f64::INFINITY,
         }
     }
 
@@ -240,6 +263,22 @@ pub struct Containment<'a> {
     /// The search at which each edge was last met.
     met: Vec<u32>,
     search: u32,
+    /// Poses nearer to a wall than the margin, of the last measurement.
+    short: Vec<Short>,
+    /// Poses of one span, and for each edge near it those that may meet it, a bit for each.
+    poses: Vec<Placed>,
+    lanes: Lanes,
+    masks: Vec<u32>,
+}
+
+/// A pose nearer to a wall than the margin.
+#[derive(Clone, Copy, Debug)]
+struct Short {
+    /// First knot of its span.
+    knot: usize,
+    /// Its place on the span.
+    place: usize,
+    term: PoseTerm,
 }
 
 /// How hard containment is.
@@ -279,6 +318,10 @@ impl<'a> Containment<'a> {
             ends: [0.0, 1.0].map(Basis::at),
             near: vec![Near::not_sought(); knots],
             search: 0,
+            short: Vec::new(),
+            poses: Vec::new(),
+            lanes: Lanes::default(),
+            masks: Vec::new(),
         }
     }
 
@@ -288,30 +331,50 @@ impl<'a> Containment<'a> {
     }
 
     /// Adds the penalty of poses nearer to a wall than the margin, except for spans whose knots all stay.
-    pub fn add(
-        &mut self,
-        knots: &[Knot],
-        passes: &[PassKnots],
-        stays: &[bool],
-        wall: &Wall,
-        terms: &mut Terms,
-        system: &mut System,
-    ) {
-        for pass in passes.iter().filter(|pass| pass.free) {
-            for knot in pass.span_starts().filter(|&knot| !all_stay(stays, knot)) {
-                self.seek(&knots[knot..knot + 4], knot);
+    pub fn add(&mut self, at: &At, wall: &Wall, terms: &mut Terms, system: &mut System) {
+        terms.outside += self.measure(at, wall);
+        self.add_measured(system);
+    }
+
+    /// The penalty; what it adds to a system is kept for [`Containment::add_measured`].
+    pub fn measure(&mut self, at: &At, wall: &Wall) -> f64 {
+        self.short.clear();
+        let mut outside = 0.0;
+        for pass in at.passes.iter().filter(|pass| pass.free) {
+            let ends = [pass.first, pass.first + pass.spans - 1];
+            for knot in pass.span_starts().filter(|&knot| !all_stay(at.stays, knot)) {
+                let around = &at.knots[knot..knot + 4];
+                self.seek(around, knot);
                 if self.near[knot].edges.is_empty() {
                     continue;
                 }
-                let around = &knots[knot..knot + 4];
-                for basis in &self.places {
-                    self.add_pose(around, knot, basis, wall, terms, system);
+                let places = self.places.len();
+                for first in (0..places).step_by(LANES) {
+                    let end = places.min(first + LANES);
+                    outside += self.measure_places(around, knot, first..end, wall);
                 }
-                let spans = [pass.first, pass.first + pass.spans - 1];
-                for (basis, _) in self.ends.iter().zip(spans).filter(|(_, at)| *at == knot) {
-                    self.add_pose(around, knot, basis, wall, terms, system);
+                for (end, _) in ends.iter().enumerate().filter(|(_, at)| **at == knot) {
+                    let place = places + end;
+                    outside += self.measure_places(around, knot, place..place + 1, wall);
                 }
             }
+        }
+        outside
+    }
+
+    /// Adds slopes and curvatures of the penalty measured last.
+    pub fn add_measured(&self, system: &mut System) {
+        for short in &self.short {
+            let basis = self.basis(short.place);
+            system.add_pose(short.knot, &basis.value, &short.term);
+        }
+    }
+
+    /// A place of a span; those of a pass's ends come last.
+    fn basis(&self, place: usize) -> &Basis {
+        match place.checked_sub(self.places.len()) {
+            None => &self.places[place],
+            Some(end) => &self.ends[end],
         }
     }
 
@@ -331,48 +394,96 @@ impl<'a> Containment<'a> {
         }
         near.edges.clear();
         self.search = self.search.wrapping_add(1);
-        for basis in self.places.iter().chain(&self.ends) {
+        let mut area: Option<Box2> = None;
+        self.poses.clear();
+        // Of places closer than those of the iterations some are enough: the reach is more than their distance.
+        let places = self
+            .places
+            .iter()
+            .step_by((self.places.len() / LANES).max(1));
+        for basis in places.chain(&self.ends) {
             let at = blend(&basis.value, knots);
             let pose = Placed::at(&at, &self.scale);
-            let area = self.tool.area(&pose, at[2], &self.units);
-            self.walls.for_edges_in(area, |number| {
-                let is_new = self.met[number] != self.search;
-                if is_new && self.tool.is_near(&pose, &self.segments[number]) {
-                    self.met[number] = self.search;
-                    near.edges.push(number as u32);
-                }
-            });
+            let own = self.tool.area(&pose, &self.units);
+            area = Some(area.map_or(own, |area| Box2 {
+                min: area.min.inf(&own.min),
+                max: area.max.sup(&own.max),
+            }));
+            self.poses.push(pose);
         }
+        let Some(area) = area else {
+            return;
+        };
+        self.walls.for_edges_in(area, |number| {
+            if self.met[number] == self.search {
+                return;
+            }
+            self.met[number] = self.search;
+            let segment = &self.segments[number];
+            if self.walls.edges()[number].may_meet(&area)
+                && self
+                    .poses
+                    .iter()
+                    .any(|pose| self.tool.is_near(pose, segment))
+            {
+                near.edges.push(number as u32);
+            }
+        });
     }
 
-    /// Adds one pose of a span.
-    fn add_pose(
-        &self,
+    /// The penalty of at most [`LANES`] poses of a span.
+    fn measure_places(
+        &mut self,
         knots: &[Knot],
-        span: usize,
-        basis: &Basis,
+        knot: usize,
+        places: Range<usize>,
         wall: &Wall,
-        terms: &mut Terms,
-        system: &mut System,
-    ) {
-        let pose = Placed::at(&blend(&basis.value, knots), &self.scale);
-        let mut term = PoseTerm::default();
-        let mut meets = false;
-        for &number in &self.near[span].edges {
-            let segment = &self.segments[number as usize];
-            let Some(clear) = self.tool.clearance(&pose, segment) else {
-                continue;
-            };
-            let short = wall.margin - clear.distance;
-            if short <= 0.0 {
-                continue;
+    ) -> f64 {
+        let minor = self.tool.aperture.minor_mm() / self.tool.aperture.major_mm();
+        self.poses.clear();
+        for (k, place) in places.clone().enumerate() {
+            let at = blend(&self.basis(place).value, knots);
+            let pose = Placed::at(&at, &self.scale);
+            self.lanes.set(k, &pose, minor);
+            self.poses.push(pose);
+        }
+        let is_flat = self.poses.iter().all(|pose| pose.tool.place.is_none());
+        let reach2 = self.tool.reach2(wall.margin, is_flat);
+        let mut met = 0;
+        self.masks.clear();
+        for &number in &self.near[knot].edges {
+            let mut distances2 = [0.0; LANES];
+            self.lanes
+                .distances2(&self.segments[number as usize], &mut distances2);
+            let mut mask = 0u32;
+            for (k, distance2) in distances2.iter().enumerate() {
+                mask |= u32::from(*distance2 <= reach2) << k;
             }
-            meets = true;
-            terms.outside += 0.5 * wall.weight * short * short;
-            term.add(-wall.weight * short, wall.weight, &clear.by_pose);
+            met |= mask;
+            self.masks.push(mask);
         }
-        if meets {
-            system.add_pose(span, &basis.value, &term);
+        let mut outside = 0.0;
+        for (k, place) in places.enumerate().filter(|(k, _)| met >> k & 1 == 1) {
+            let mut term = PoseTerm::default();
+            let mut meets = false;
+            let edges = self.near[knot].edges.iter().zip(&self.masks);
+            for (&number, _) in edges.filter(|(_, mask)| *mask >> k & 1 == 1) {
+                let segment = &self.segments[number as usize];
+                let Some(clear) = self.tool.clearance(&self.poses[k], segment) else {
+                    continue;
+                };
+                let short = wall.margin - clear.distance;
+                if short <= 0.0 {
+                    continue;
+                }
+                meets = true;
+                outside += 0.5 * wall.weight * short * short;
+                term.add(-wall.weight * short, wall.weight, &clear.by_pose);
+            }
+            if meets {
+                self.short.push(Short { knot, place, term });
+            }
         }
+        outside
     }
 }

@@ -88,6 +88,17 @@ impl PassKnots {
     }
 }
 
+/// Where an objective is evaluated.
+#[derive(Clone, Copy, Debug)]
+pub struct At<'a> {
+    /// The knots.
+    pub knots: &'a [Knot],
+    /// The passes that they belong to.
+    pub passes: &'a [PassKnots],
+    /// For each knot whether it stays; if empty, all move.
+    pub stays: &'a [bool],
+}
+
 /// Whether none of the four knots of the span from `knot` on moves; with no `stays` all do.
 #[inline]
 pub fn all_stay(stays: &[bool], knot: usize) -> bool {

@@ -116,14 +116,14 @@ impl Curves {
         turn * self.width(along.y.atan2(along.x), own[2]) > ROUNDED_SHARE * self.bound * length
     }
 
-    /// Adds the excess over the bound, weighted by `hardness`.
+    /// Adds the excess over the bound, weighted by `hardness`; slopes where there is a system.
     pub fn add(
         &self,
         knots: &[Knot],
         passes: &[PassKnots],
         hardness: f64,
         terms: &mut Terms,
-        system: &mut System,
+        mut system: Option<&mut System>,
     ) {
         let places = places();
         for pass in passes {
@@ -135,7 +135,7 @@ impl Curves {
                     exceeds |=
                         self.add_place(&bend, hardness / places.len() as f64, terms, &mut sums);
                 }
-                if exceeds {
+                if let Some(system) = system.as_deref_mut().filter(|_| exceeds) {
                     sums.scatter(knot, system);
                 }
             }

@@ -1,6 +1,7 @@
 //! The price of area left open or laid twice.
 //!
-//! In: the sweep of the passes. Out: value, gradient and curvature. A cell's coverage is the sum of its visits and
+//! In: the sweep of the passes. Out: value, gradient and curvature (of each visit by itself: what neighbouring beads share
+//! is not coupled). A cell's coverage is the sum of its visits and
 //! of the wall's contribution; 1 is correct, less is open, more is laid twice. Each cell passes its slope to the
 //! two contacts of the adjacent strip, each contact to the four knots of its pose.
 
@@ -9,8 +10,9 @@ use super::curve::{Knot, PassKnots};
 use super::sweep::{Contact, Sweep, VISITS_MAX, Visit, cover, cover_slope, from_grid, is_strip};
 use super::terms::Terms;
 
-/// Curvature against that of one visit: what neighbouring beads share is bounded, not solved.
-const SHARED: f64 = 2.0;
+/// Curvature of the price against that of one visit, for what neighbouring beads share. It is not coupled, and a bound of
+/// it (twice the number of visits) makes steps too short: with less than this, beads that meet overshoot.
+const SHARED: f64 = 1.25;
 
 /// The area terms.
 #[derive(Clone, Debug)]
@@ -58,14 +60,18 @@ impl<'a> Ground<'a> {
         self.sweep.run(knots, passes);
     }
 
-    /// Adds the area terms of the last sweep, with the corner of the price rounded over `blur`.
-    pub fn add(&mut self, blur: f64, terms: &mut Terms, system: &mut System) {
+    /// Adds the area terms of the last sweep, with the corner of the price rounded over `blur`; slopes where there is a
+    /// system.
+    pub fn add(&mut self, blur: f64, terms: &mut Terms, system: Option<&mut System>) {
         for contact in &mut self.sweep.contacts {
             (contact.slope, contact.curvature) = (0.0, 0.0);
         }
         let area = self.sweep.cells.size * self.sweep.cells.size;
         let mut sum = 0.0;
         for cell in 0..self.sweep.cells.wall_cover.len() {
+            if self.sweep.visits.is_covered_once(cell) && self.sweep.cells.wall_cover[cell] == 0.0 {
+                continue;
+            }
             let [covered, value] = self.add_cell(cell, area, blur);
             sum += value;
             if covered < 1.0 {
@@ -75,7 +81,9 @@ impl<'a> Ground<'a> {
             }
         }
         terms.ground += self.price * area * sum;
-        self.add_contacts(system);
+        if let Some(system) = system {
+            self.add_contacts(system);
+        }
     }
 
     /// Cover and cost of a cell; hands slope and curvature to the contacts.
@@ -86,17 +94,25 @@ impl<'a> Ground<'a> {
             let [value, ..] = cost(covered, blur, self.twice_share);
             return [covered, value];
         }
+        let edge_half = self.sweep.cells.edge_half;
+        let price = self.price * area;
+        if let Some(visit) = self.sweep.visits.only(cell) {
+            let z = visit.distance / edge_half;
+            let covered = wall + f64::from(cover(z));
+            let [value, slope, bend] = cost(covered, blur, self.twice_share);
+            let by_distance = cover_slope(z) / edge_half;
+            self.hand_on(&visit, by_distance, price * slope, price * bend * SHARED);
+            return [covered, value];
+        }
         let mut visits = [Visit::NONE; VISITS_MAX];
         let count = self.sweep.visits.of(cell, &mut visits);
-        let edge_half = self.sweep.cells.edge_half;
         let mut slopes = [0.0f32; VISITS_MAX];
         let mut covered = wall;
-        let (mut before, mut movable) = (0.0f32, 0);
+        let mut before = 0.0f32;
         for (k, visit) in visits[..count].iter().enumerate() {
             let z = visit.distance / edge_half;
             let own = cover(z);
             slopes[k] = cover_slope(z) / edge_half;
-            movable += usize::from(slopes[k] != 0.0);
             covered += f64::from(own);
             if visit.weight < 1.0 && k > 0 {
                 // Of two visits that half count as one the lesser has the weight.
@@ -107,25 +123,28 @@ impl<'a> Ground<'a> {
             before = own;
         }
         let [value, slope, bend] = cost(covered, blur, self.twice_share);
-        if movable > 0 {
-            let price = self.price * area;
-            let (slope, bend) = (price * slope, price * bend * SHARED * movable as f64);
-            for (visit, &by_distance) in visits[..count].iter().zip(&slopes) {
-                if by_distance != 0.0 && is_strip(visit.strip) {
-                    let by_distance = f64::from(by_distance);
-                    let slope = (slope * by_distance) as f32;
-                    let bend = (bend * by_distance * by_distance) as f32;
-                    let [from, to] = self.sweep.strips[visit.strip as usize];
-                    let first = &mut self.sweep.contacts[from as usize];
-                    first.slope += (1.0 - visit.share) * slope;
-                    first.curvature += (1.0 - visit.share) * bend;
-                    let second = &mut self.sweep.contacts[to as usize];
-                    second.slope += visit.share * slope;
-                    second.curvature += visit.share * bend;
-                }
-            }
+        for (visit, &by_distance) in visits[..count].iter().zip(&slopes) {
+            self.hand_on(visit, by_distance, price * slope, price * bend * SHARED);
         }
         [covered, value]
+    }
+
+    /// Hands slope and curvature by a visit's cover to the contacts of its strip.
+    #[inline]
+    fn hand_on(&mut self, visit: &Visit, by_distance: f32, slope: f64, bend: f64) {
+        if by_distance == 0.0 || !is_strip(visit.strip) {
+            return;
+        }
+        let by_distance = f64::from(by_distance);
+        let slope = (slope * by_distance) as f32;
+        let bend = (bend * by_distance * by_distance) as f32;
+        let [from, to] = self.sweep.strips[visit.strip as usize];
+        let first = &mut self.sweep.contacts[from as usize];
+        first.slope += (1.0 - visit.share) * slope;
+        first.curvature += (1.0 - visit.share) * bend;
+        let second = &mut self.sweep.contacts[to as usize];
+        second.slope += visit.share * slope;
+        second.curvature += visit.share * bend;
     }
 
     /// Hands what the contacts collected to the knots, the contacts of one pose together.

@@ -22,6 +22,7 @@ pub mod least_time;
 mod motion;
 mod moving;
 mod newton;
+mod pose_lanes;
 pub mod pose_limits;
 mod projection;
 mod sweep;

@@ -6,7 +6,7 @@
 //! 3 w' q'' - w'' q' + 2 w'² q'): path and time law are one problem. Not covered: flow.
 
 use super::band::System;
-use super::curve::{Basis, CHANNELS, Knot, PACE, PassKnots, Units, all_stay, blend};
+use super::curve::{At, Basis, CHANNELS, Knot, PACE, Units, all_stay, blend};
 use super::terms::Terms;
 use crate::pose_limits::PoseLimits;
 
@@ -109,18 +109,12 @@ impl Motion {
         }
     }
 
-    /// Adds time, excess over limits weighed by `hardness`, and regularising terms, except for spans whose knots all stay.
-    pub fn add(
-        &self,
-        knots: &[Knot],
-        passes: &[PassKnots],
-        stays: &[bool],
-        hardness: f64,
-        terms: &mut Terms,
-        system: &mut System,
-    ) {
-        for pass in passes {
-            for knot in pass.span_starts().filter(|&knot| !all_stay(stays, knot)) {
+    /// Adds time, excess over limits weighed by `hardness`, and regularising terms, except for spans whose knots all stay;
+    /// slopes where there is a system.
+    pub fn add(&self, at: &At, hardness: f64, terms: &mut Terms, mut system: Option<&mut System>) {
+        let knots = at.knots;
+        for pass in at.passes {
+            for knot in pass.span_starts().filter(|&knot| !all_stay(at.stays, knot)) {
                 let is_last = knot + 1 == pass.first + pass.spans;
                 let mut sums = SpanSums::default();
                 let count = PLACES + usize::from(is_last);
@@ -131,7 +125,9 @@ impl Motion {
                         self.add_order(order, &place, hardness, terms, &mut sums);
                     }
                 }
-                sums.scatter(knot, system);
+                if let Some(system) = system.as_deref_mut() {
+                    sums.scatter(knot, system);
+                }
             }
         }
     }

@@ -6,7 +6,7 @@
 use super::Effort;
 use super::band::{System, WIDTH};
 use super::containment::{Containment, Wall};
-use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
+use super::curve::{At, CHANNELS, Knot, PassKnots, set_phantoms};
 use super::curves::Curves;
 use super::ground::Ground;
 use super::motion::Motion;
@@ -24,7 +24,7 @@ const CURVES: f64 = 3000.0;
 const MARGIN: f64 = 1.0 / 1500.0;
 const MARGIN_HARD: f64 = 1.5;
 /// Share of the iterations that are soft, steps to hard, and the share of the rest in which they are made.
-const SOFT_SHARE: f64 = 0.5;
+const SOFT_SHARE: f64 = 0.6;
 const LEVELS: usize = 6;
 const HARDENING_SHARE: f64 = 0.8;
 /// Damping at first, its least and its growth and fall; what it adds to the curvature of each channel and the share
@@ -46,6 +46,9 @@ const TRIES: usize = 6;
 const REMEMBERED: usize = 4;
 const ABOVE_BEST: f64 = 1.1;
 const GAIN_MIN: f64 = 1e-7;
+/// Share of the ground's cost that a step leaves: a trial that fails with this much is not swept (steps leave more than
+/// nine tenths after the first iterations).
+const GROUND_LEFT: f64 = 0.8;
 
 /// How hard limits are at one time.
 #[derive(Clone, Copy, Debug)]
@@ -101,41 +104,70 @@ pub struct Objectives<'a> {
 }
 
 impl Objectives<'_> {
-    /// Value at these knots; `system` becomes gradient and curvature. Motion and walls of spans whose knots all stay do not
-    /// count.
-    pub fn evaluate(
+    /// Value at these knots, if it is below `most`, where the ground costs no less than `ground`; `system` becomes
+    /// gradient and curvature where it is given. Motion and walls of spans whose knots all stay do not count. A trial
+    /// often fails by the walls, which take a fraction of the sweep's time: they come first. `is_swept` becomes false
+    /// where other knots than before are swept.
+    fn evaluate(
         &mut self,
-        knots: &[Knot],
-        passes: &[PassKnots],
-        stays: &[bool],
+        at: &At,
         hardness: &Hardness,
-        system: &mut System,
-    ) -> Terms {
-        self.ground.sweep(knots, passes);
-        self.weigh(knots, passes, stays, hardness, system)
+        [ground, most]: [f64; 2],
+        mut system: Option<&mut System>,
+        is_swept: &mut bool,
+    ) -> Option<Terms> {
+        let mut terms = self.limits(at, hardness, system.as_deref_mut());
+        if terms.sum() + ground >= most {
+            return None;
+        }
+        terms.outside = self.walls(at, hardness);
+        if terms.sum() + ground >= most {
+            return None;
+        }
+        *is_swept = false;
+        self.ground.sweep(at.knots, at.passes);
+        self.add_ground(hardness, &mut terms, system);
+        Some(terms)
     }
 
-    /// The same where these knots were swept last.
-    fn weigh(
-        &mut self,
-        knots: &[Knot],
-        passes: &[PassKnots],
-        stays: &[bool],
-        hardness: &Hardness,
-        system: &mut System,
-    ) -> Terms {
+    /// Value, gradient and curvature at the knots that were swept last.
+    fn weigh(&mut self, at: &At, hardness: &Hardness, system: &mut System) -> Terms {
+        let mut terms = self.limits(at, hardness, Some(system));
+        terms.outside = self.walls(at, hardness);
+        self.add_ground(hardness, &mut terms, Some(system));
+        terms
+    }
+
+    /// Begins a system with time, limits and curves.
+    fn limits(&self, at: &At, hardness: &Hardness, mut system: Option<&mut System>) -> Terms {
         let mut terms = Terms::default();
-        system.clear();
-        self.motion
-            .add(knots, passes, stays, hardness.limits, &mut terms, system);
+        if let Some(system) = &mut system {
+            system.clear();
+        }
+        let motion = &self.motion;
+        motion.add(at, hardness.limits, &mut terms, system.as_deref_mut());
         // They begin within their bound, and a soft bound would let them into a corner from which they do not return.
         if let Some(curves) = &self.curves {
-            curves.add(knots, passes, CURVES, &mut terms, system);
+            curves.add(at.knots, at.passes, CURVES, &mut terms, system);
         }
-        self.ground.add(hardness.blur, &mut terms, system);
-        self.containment
-            .add(knots, passes, stays, &hardness.wall, &mut terms, system);
         terms
+    }
+
+    fn walls(&mut self, at: &At, hardness: &Hardness) -> f64 {
+        self.containment.measure(at, &hardness.wall)
+    }
+
+    /// Adds the ground of the last sweep, and hands on what the walls were found to cost.
+    fn add_ground(
+        &mut self,
+        hardness: &Hardness,
+        terms: &mut Terms,
+        mut system: Option<&mut System>,
+    ) {
+        self.ground.add(hardness.blur, terms, system.as_deref_mut());
+        if let Some(system) = system {
+            self.containment.add_measured(system);
+        }
     }
 }
 
@@ -178,7 +210,13 @@ impl<'a> Newton<'a> {
         let unknowns = CHANNELS * knots.len();
         let mut system = System::new(unknowns);
         let hardness = Hardness::at(0);
-        let terms = objectives.evaluate(&knots, &passes, &stays, &hardness, &mut system);
+        let at = At {
+            knots: &knots,
+            passes: &passes,
+            stays: &stays,
+        };
+        objectives.ground.sweep(&knots, &passes);
+        let terms = objectives.weigh(&at, &hardness, &mut system);
         prepare(&mut system, &passes, &stays);
         Newton {
             objectives,
@@ -213,7 +251,10 @@ impl<'a> Newton<'a> {
                 level = wanted;
                 self.harden(level);
             }
-            if !(0..TRIES).any(|_| self.try_step()) {
+            // Before harder limits and at the end nothing needs the slopes.
+            let is_followed =
+                number < effort.iterations && Hardness::level(number + 1, effort) == level;
+            if !(0..TRIES).any(|_| self.try_step(is_followed)) {
                 self.damping = 1.0;
             }
             watch(number, &self.terms);
@@ -244,55 +285,63 @@ impl<'a> Newton<'a> {
     /// The objective with harder limits.
     fn harden(&mut self, level: usize) {
         self.hardness = Hardness::at(level);
-        let (knots, passes) = (&self.knots, &self.passes);
+        let at = At {
+            knots: &self.knots,
+            passes: &self.passes,
+            stays: &self.stays,
+        };
         if !self.is_swept {
-            self.objectives.ground.sweep(knots, passes);
+            self.objectives.ground.sweep(at.knots, at.passes);
             self.is_swept = true;
         }
-        self.terms =
-            self.objectives
-                .weigh(knots, passes, &self.stays, &self.hardness, &mut self.system);
+        self.terms = self.objectives.weigh(&at, &self.hardness, &mut self.system);
         prepare(&mut self.system, &self.passes, &self.stays);
         self.damping = self.damping.min(1.0);
         self.recent.clear();
         self.recent.push(self.terms.sum());
     }
 
-    /// Solves, moves and evaluates; takes the step where it is good, or raises the damping.
-    fn try_step(&mut self) -> bool {
+    /// Solves, moves and evaluates; takes the step where it is good, or raises the damping. The system of the new
+    /// knots is known only if it `is_followed` by another step.
+    fn try_step(&mut self, is_followed: bool) -> bool {
         let trial = &mut self.trial;
         if !trial.solve(&self.system, self.damping) {
             self.damping *= DAMPING_GROWTH;
             return false;
         }
         trial.take(&self.knots, &self.passes);
-        let terms = self.objectives.evaluate(
-            &trial.knots,
-            &self.passes,
-            &self.stays,
-            &self.hardness,
-            &mut trial.system,
-        );
         let worst = self
             .recent
             .iter()
             .copied()
             .fold(f64::NEG_INFINITY, f64::max);
         let best = self.recent.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = worst.min(best * ABOVE_BEST) - GAIN_MIN;
+        let at = At {
+            knots: &trial.knots,
+            passes: &self.passes,
+            stays: &self.stays,
+        };
+        let system = is_followed.then_some(&mut trial.system);
+        let bounds = [GROUND_LEFT * self.terms.ground, most];
+        let terms =
+            self.objectives
+                .evaluate(&at, &self.hardness, bounds, system, &mut self.is_swept);
         // False if the value is not a number.
-        let is_better = terms.sum() < worst.min(best * ABOVE_BEST) - GAIN_MIN;
-        self.is_swept = is_better;
-        if !is_better {
+        let Some(terms) = terms.filter(|terms| terms.sum() < most) else {
             self.damping *= DAMPING_GROWTH;
             return false;
-        }
+        };
+        self.is_swept = true;
         if self.recent.len() == REMEMBERED {
             self.recent.remove(0);
         }
         self.recent.push(terms.sum());
         std::mem::swap(&mut self.knots, &mut trial.knots);
-        std::mem::swap(&mut self.system, &mut trial.system);
-        prepare(&mut self.system, &self.passes, &self.stays);
+        if is_followed {
+            std::mem::swap(&mut self.system, &mut trial.system);
+            prepare(&mut self.system, &self.passes, &self.stays);
+        }
         self.terms = terms;
         self.damping = DAMPING_MIN.max(self.damping * DAMPING_FALL);
         true

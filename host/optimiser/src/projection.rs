@@ -6,7 +6,7 @@
 
 use super::band::System;
 use super::containment::{Containment, Wall};
-use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
+use super::curve::{At, CHANNELS, Knot, PassKnots, set_phantoms};
 use super::newton::prepare;
 use super::terms::Terms;
 use super::{OptimisedPass, Site};
@@ -130,7 +130,12 @@ fn evaluate(
     };
     system.clear();
     let passes = std::slice::from_ref(pass);
-    containment.add(knots, passes, &[], &wall, &mut terms, system);
+    let at = At {
+        knots,
+        passes,
+        stays: &[],
+    };
+    containment.add(&at, &wall, &mut terms, system);
     prepare(system, passes, &[]);
     terms.outside
 }

@@ -59,11 +59,12 @@ fn optimised(passes: &[OptimisedPass], walls: &EdgeIndex) -> (Vec<OptimisedPass>
     (passes, report)
 }
 
-/// Goal: a bead that wavers in a bar is straightened, stays inside and takes less time, and the ground is no
-/// worse. Method: 20 iterations; time by a bound that is not the optimiser's, depth by the exact query.
+/// Goal: a bead that wavers in a bar is straightened, comes inside and takes less time, and the ground is no
+/// worse. Method: 20 iterations; time by a bound that is not the optimiser's, depth by the exact query. The bar leaves
+/// the bead 0.01 mm on both sides: in a wider one the objective does not depend on where the bead lies.
 #[test]
 fn a_wavering_bead_is_straightened() {
-    let bar = rectangle(12.0, 1.3);
+    let bar = walls(&[&[[0.0, 0.04], [12.0, 0.04], [12.0, 1.26], [0.0, 1.26]]]);
     let start = wavering_bead(1.0);
     let (passes, report) = optimised(std::slice::from_ref(&start), &bar);
     assert_eq!(report.outcome, Outcome::Optimised);
@@ -72,7 +73,7 @@ fn a_wavering_bead_is_straightened() {
         poses(pass, 8).iter().map(off).fold(0.0, f64::max)
     };
     let (after_mm, before_mm) = (waver(&passes[0]), waver(&start));
-    assert!(after_mm < 0.5 * before_mm, "{after_mm} {before_mm}");
+    assert!(after_mm < 0.3 * before_mm, "{after_mm} {before_mm}");
     let (after_s, before_s) = (least_s(&passes[0]), least_s(&start));
     assert!(after_s < 0.95 * before_s, "{after_s} {before_s}");
     assert!(report.open_mm2[1] < report.open_mm2[0]);

@@ -16,6 +16,8 @@ const CELLS_MAX: f64 = 60e6;
 /// Cosine and sine of the angle by which the grid is turned: its tangent is the square of the golden ratio's inverse,
 /// so that neither walls along the axes nor diagonals fall in step with the cells.
 const TURN: [f64; 2] = [0.934_172_358_962_715_7, 0.356_822_089_773_089_9];
+/// Cells of a row, or rows, that are evaluated together.
+pub const LANES: usize = 4;
 /// Number of a cell outside the region.
 pub const OUTSIDE: u32 = u32::MAX;
 /// Strip number of a visit by the inside of the aperture.
@@ -60,6 +62,13 @@ pub fn from_grid([x, y]: [f64; 2]) -> [f64; 2] {
     [cos * x + sin * y, cos * y - sin * x]
 }
 
+/// The first of `count` columns or rows from `origin` on whose middle is not below `v`.
+#[inline]
+fn place(v: f32, origin: f32, inverse: f32, count: usize) -> u32 {
+    // A cast cuts off towards zero and saturates; NaN is 0.
+    (((v - origin) * inverse + 0.5) as i32).clamp(0, count as i32) as u32
+}
+
 /// An edge of the region, in a.
 pub type Segment = [[f64; 2]; 2];
 
@@ -74,11 +83,13 @@ pub struct Cells {
     pub columns: usize,
     /// Rows of it.
     pub rows: usize,
-    /// Number of each cell of the box, row by row, or [`OUTSIDE`].
+    /// Number of each cell of the box, row by row, or [`OUTSIDE`]; [`LANES`] of these at the end spare the bounds.
     pub numbers: Vec<u32>,
     /// Coverage contributed by the wall, by number: the area beyond it counts as laid.
     pub wall_cover: Vec<f32>,
     origin: [f64; 2],
+    /// One over the side.
+    inverse: f32,
 }
 
 impl Cells {
@@ -107,9 +118,10 @@ impl Cells {
             edge_half: edge_half as f32,
             columns,
             rows,
-            numbers: vec![OUTSIDE; columns * rows],
+            numbers: vec![OUTSIDE; columns * rows + LANES],
             wall_cover: Vec::new(),
             origin: [low[0] - 0.5, low[1] - 0.5],
+            inverse: (1.0 / size) as f32,
         };
         cells.number(&segments, &left_out);
         for segment in &segments {
@@ -251,11 +263,18 @@ impl Cells {
 
     #[inline]
     fn range(&self, low: f32, high: f32, origin: f32, count: usize) -> std::ops::Range<usize> {
-        let inverse = (1.0 / self.size) as f32;
-        // A cast cuts off towards zero and saturates; NaN is 0.
-        let place =
-            |v: f32| (((v - origin) * inverse + 0.5) as i32).clamp(0, count as i32) as usize;
-        place(low)..place(high)
+        let [from, to] = [low, high].map(|v| place(v, origin, self.inverse, count));
+        from as usize..to as usize
+    }
+
+    /// Bounds of [`Cells::columns_in`] for several rows at once.
+    #[inline]
+    pub fn columns_at<const N: usize>(&self, xs: &[f32; N]) -> [u32; N] {
+        let mut columns = [0; N];
+        for (column, &x) in columns.iter_mut().zip(xs) {
+            *column = place(x, self.origin[0] as f32, self.inverse, self.columns);
+        }
+        columns
     }
 
     /// Middle of column 0 and row 0, f32.
@@ -388,6 +407,20 @@ impl Visits {
             FIRST if visit.strip == NO_STRIP => Some(1.0),
             _ => None,
         }
+    }
+
+    /// Whether the interior of the aperture visits a cell once, and nothing else does.
+    #[inline]
+    pub fn is_covered_once(&self, cell: usize) -> bool {
+        let visit = &self.newest[cell];
+        visit.before == FIRST && visit.strip == NO_STRIP
+    }
+
+    /// The visit of a cell that has one.
+    #[inline]
+    pub fn only(&self, cell: usize) -> Option<Visit> {
+        let visit = self.newest[cell];
+        (visit.before == FIRST).then_some(visit)
     }
 
     /// The visits of a cell in order, as many as fit, otherwise the newest; their number.

@@ -6,7 +6,7 @@ use super::shape::{CONTACTS_MAX, OutlinePoint, Touch};
 use std::f32::consts::TAU;
 
 /// Points of the outline, by even parameter.
-const POINTS: usize = 32;
+pub const POINTS: usize = 32;
 /// Newton's steps from a change of sign to a contact, and the most that one may turn, rad.
 const NEWTON_STEPS: usize = 3;
 const NEWTON_TURN_MAX: f32 = 0.15;
@@ -15,7 +15,8 @@ const NEWTON_TURN_MAX: f32 = 0.15;
 #[derive(Clone, Debug)]
 pub struct Ellipse {
     /// Cosine and sine of the parameter of each point.
-    angles: [[f32; 2]; POINTS],
+    cosines: [f32; POINTS],
+    sines: [f32; POINTS],
     minor: f32,
     inverse_minor: f32,
     rim: f32,
@@ -24,12 +25,13 @@ pub struct Ellipse {
 impl Ellipse {
     /// With this b and this rim around its inside.
     pub fn new(minor: f32, rim: f32) -> Ellipse {
-        let angle = |k: usize| {
+        let angles: [[f32; 2]; POINTS] = std::array::from_fn(|k| {
             let (sin, cos) = (TAU * k as f32 / POINTS as f32).sin_cos();
             [cos, sin]
-        };
+        });
         Ellipse {
-            angles: std::array::from_fn(angle),
+            cosines: angles.map(|[cos, _]| cos),
+            sines: angles.map(|[_, sin]| sin),
             minor,
             inverse_minor: 1.0 / minor,
             rim,
@@ -48,7 +50,8 @@ impl Ellipse {
 
     /// Points around it.
     pub fn outline(&self) -> Vec<OutlinePoint> {
-        self.angles.iter().map(|&angle| self.at(angle)).collect()
+        let angles = self.cosines.iter().zip(&self.sines);
+        angles.map(|(&cos, &sin)| self.at([cos, sin])).collect()
     }
 
     /// Motion between marks of the interior that misses no more than `scallop`: the sharp end of the interior has
@@ -76,14 +79,21 @@ impl Ellipse {
         let a = velocity[0];
         let b = velocity[1] * self.inverse_minor;
         let both = turning * (self.inverse_minor - self.minor);
-        let speed_at = |[cos, sin]: [f32; 2]| a * cos + b * sin + both * cos * sin;
-        let speeds = self.angles.map(speed_at);
+        let mut forwards = 0u32;
+        let mut speeds = [0.0f32; POINTS];
+        let angles = self.cosines.iter().zip(&self.sines);
+        for (speed, (cos, sin)) in speeds.iter_mut().zip(angles) {
+            *speed = a * cos + b * sin + both * cos * sin;
+        }
+        for (k, &speed) in speeds.iter().enumerate() {
+            forwards |= u32::from(speed >= 0.0) << k;
+        }
+        let mut changes = forwards ^ forwards.rotate_right(1);
         let mut count = 0;
-        for k in 0..POINTS {
+        while changes != 0 && count < CONTACTS_MAX {
+            let k = changes.trailing_zeros() as usize;
+            changes &= changes - 1;
             let (here, next) = (speeds[k], speeds[(k + 1) % POINTS]);
-            if (here >= 0.0) == (next >= 0.0) || count == CONTACTS_MAX {
-                continue;
-            }
             let root = self.root([a, b, both], k, here / (here - next));
             found[count] = Touch {
                 at: self.at(root),
@@ -94,9 +104,24 @@ impl Ellipse {
         count
     }
 
+    /// The squared gauge of each outline point, shifted by `shift` and rotated by a cosine and sine.
+    pub fn outline_gauges(
+        &self,
+        shift: [f32; 2],
+        [cos, sin]: [f32; 2],
+        gauges: &mut [f32; POINTS],
+    ) {
+        let points = self.cosines.iter().zip(&self.sines);
+        for (gauge, (x, sine)) in gauges.iter_mut().zip(points) {
+            let y = self.minor * sine;
+            let there = [shift[0] + cos * x - sin * y, shift[1] + sin * x + cos * y];
+            *gauge = self.gauge2(there);
+        }
+    }
+
     /// Cosine and sine at the root of the normal speed, from `share` of the arc after point `k`.
     fn root(&self, [a, b, both]: [f32; 3], k: usize, share: f32) -> [f32; 2] {
-        let [mut cos, mut sin] = self.angles[k];
+        let (mut cos, mut sin) = (self.cosines[k], self.sines[k]);
         let mut turn = TAU / POINTS as f32 * share;
         for _ in 0..NEWTON_STEPS {
             let (c, s) = (
@@ -145,15 +170,18 @@ pub struct EllipseRows {
 }
 
 impl EllipseRows {
-    /// Least and greatest x in the row at `y`; empty where it misses.
+    /// Least x, then greatest x in the rows at `ys`; empty where it misses.
     #[inline]
-    pub fn row(&self, y: f32) -> [f32; 2] {
-        let under_root = self.square - self.determinant * y * y;
-        if under_root <= 0.0 {
-            return [1.0, -1.0];
-        }
+    pub fn rows<const N: usize>(&self, ys: &[f32; N]) -> [[f32; N]; 2] {
         let inverse = 1.0 / self.square;
-        let (middle, half) = (-self.mixed * y * inverse, under_root.sqrt() * inverse);
-        [middle - half, middle + half]
+        let (mut low, mut high) = ([0.0; N], [0.0; N]);
+        for (k, &y) in ys.iter().enumerate() {
+            let under_root = self.square - self.determinant * y * y;
+            let (middle, half) = (-self.mixed * y * inverse, under_root.sqrt() * inverse);
+            let misses = under_root <= 0.0;
+            low[k] = if misses { 1.0 } else { middle - half };
+            high[k] = if misses { -1.0 } else { middle + half };
+        }
+        [low, high]
     }
 }

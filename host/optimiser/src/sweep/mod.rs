@@ -25,7 +25,7 @@ pub use self::cells::{
 use self::cells::{NO_STRIP, Visits, to_grid};
 pub use self::shape::Shape;
 use self::shape::{CONTACTS_MAX, Inside, OUTLINE_MAX, OutlinePoint, Touch};
-use self::strips::Marked;
+use self::strips::{Beside, Marked};
 use super::curve::{Basis, Knot, PassKnots, blend};
 use super::tool_scale::ToolScale;
 
@@ -161,7 +161,9 @@ pub struct Sweep<'a> {
     /// The two contacts of each strip.
     pub(super) strips: Vec<[u32; 2]>,
     pub(super) marked: Marked,
-    inside: Inside,
+    /// Cells next to the strip that is being swept.
+    pub(super) beside: Vec<Beside>,
+    pub(super) inside: Inside,
     /// Of the poses of a span, its end included.
     pub(super) bases: [Basis; POSES_A_SPAN + 1],
     end_bases: [Basis; 2],
@@ -174,6 +176,7 @@ impl<'a> Sweep<'a> {
         Sweep {
             visits: Visits::new(cells.wall_cover.len(), return_path),
             marked: Marked::new(cells.rows),
+            beside: Vec::new(),
             inside: shape.inside(),
             shape,
             scale,
@@ -402,11 +405,14 @@ impl<'a> Sweep<'a> {
         for k in (0..joined.count).filter(|&k| joined.sides[k] == BOTH) {
             hide_own(self.contacts[joined.first + k].number as usize, visible);
         }
+        if !visible.contains(&true) {
+            return;
+        }
         let pose = self.poses[i];
         let path = pose.path;
         let mut last: Option<(usize, usize)> = None;
         for k in 0..count {
-            let next = (k + 1) % count;
+            let next = if k + 1 < count { k + 1 } else { 0 };
             if !(visible[k] || visible[next]) {
                 continue;
             }
@@ -429,8 +435,10 @@ impl<'a> Sweep<'a> {
 fn hide_own(number: usize, visible: &mut [bool]) {
     let count = visible.len();
     let (each, all) = (OWN_EACH * count / OWN_OF, OWN_ALL * count / OWN_OF);
-    let point = |ahead: usize| (number + ahead) % count;
-    let behind = |back: usize| (number + count - back) % count;
+    // At most once around.
+    let within = |number: usize| number.checked_sub(count).unwrap_or(number);
+    let point = |ahead: usize| within(number + ahead);
+    let behind = |back: usize| within(number + count - back);
     let (mut left, mut right) = (0, 1);
     while left < each && visible[behind(left)] {
         left += 1;

@@ -304,11 +304,16 @@ impl RoundedRows {
         [low as f32, high as f32]
     }
 
-    /// Least and greatest x in the row at `y`; empty where it misses.
-    pub fn row(&self, y: f32) -> [f32; 2] {
-        match row_range(&self.corners, self.radius, f64::from(y)) {
+    /// Least x, then greatest x in the rows at `ys`; empty where it misses.
+    pub fn rows<const N: usize>(&self, ys: &[f32; N]) -> [[f32; N]; 2] {
+        let row = |y: f32| match row_range(&self.corners, self.radius, f64::from(y)) {
             Some([low, high]) => [low as f32, high as f32],
             None => [1.0, -1.0],
+        };
+        let mut ends = [[0.0; N]; 2];
+        for (k, &y) in ys.iter().enumerate() {
+            [ends[0][k], ends[1][k]] = row(y);
         }
+        ends
     }
 }

@@ -3,7 +3,7 @@
 //! In: an [`Aperture`], mm. Out: lengths in a (half its greatest width), f32, in the tool's frame. An ellipse and a
 //! polygon with rounded corners implement the same queries.
 
-use super::ellipse::{Ellipse, EllipseRows};
+use super::ellipse::{Ellipse, EllipseRows, POINTS as ELLIPSE_POINTS};
 use super::rounded::{Rounded, RoundedRows};
 use headway_geometry::aperture::Aperture;
 
@@ -78,12 +78,12 @@ impl Inside {
         }
     }
 
-    /// Least and greatest x in the row at `y`; empty (greatest below least) where it misses.
+    /// Least x, then greatest x in the rows at `ys`; empty (greatest below least) where it misses.
     #[inline]
-    pub fn row(&self, y: f32) -> [f32; 2] {
+    pub fn rows<const N: usize>(&self, ys: &[f32; N]) -> [[f32; N]; 2] {
         match self {
-            Inside::Ellipse(rows) => rows.row(y),
-            Inside::Rounded(rows) => rows.row(y),
+            Inside::Ellipse(rows) => rows.rows(ys),
+            Inside::Rounded(rows) => rows.rows(ys),
         }
     }
 }
@@ -160,10 +160,19 @@ impl Shape {
     pub fn hide(&self, shift: [f32; 2], turn: [f32; 2], least: f32, visible: &mut [bool]) {
         match &self.kind {
             Kind::Ellipse(ellipse) => {
-                hide(|p| ellipse.gauge2(p), self, shift, turn, least, visible)
+                let mut gauges = [0.0; ELLIPSE_POINTS];
+                ellipse.outline_gauges(shift, turn, &mut gauges);
+                for (seen, gauge) in visible.iter_mut().zip(&gauges) {
+                    *seen &= *gauge >= least;
+                }
             }
             Kind::Rounded(rounded) => {
-                hide(|p| rounded.gauge2(p), self, shift, turn, least, visible)
+                let [cos, sin] = turn;
+                for (seen, outline) in visible.iter_mut().zip(&self.outline) {
+                    let [x, y] = outline.point;
+                    let there = [shift[0] + cos * x - sin * y, shift[1] + sin * x + cos * y];
+                    *seen &= rounded.gauge2(there) >= least;
+                }
             }
         }
     }
@@ -205,22 +214,5 @@ impl Shape {
             Kind::Ellipse(ellipse) => ellipse.chord(direction).min(2.0),
             Kind::Rounded(rounded) => rounded.chord(direction).min(2.0),
         }
-    }
-}
-
-/// [`Shape::hide`] with one gauge.
-#[inline]
-fn hide(
-    gauge2: impl Fn([f32; 2]) -> f32,
-    shape: &Shape,
-    shift: [f32; 2],
-    [cos, sin]: [f32; 2],
-    least: f32,
-    visible: &mut [bool],
-) {
-    for (seen, outline) in visible.iter_mut().zip(&shape.outline) {
-        let [x, y] = outline.point;
-        let there = [shift[0] + cos * x - sin * y, shift[1] + sin * x + cos * y];
-        *seen &= gauge2(there) >= least;
     }
 }

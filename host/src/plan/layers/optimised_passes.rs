@@ -28,7 +28,7 @@ const TWICE_SHARE: f64 = 0.5;
 const FILL_SHARES: [f64; 3] = [0.5, 1.0, 4.0];
 /// Share of the area that counts as little: in a part as small as the aperture, or with a round nozzle, the area
 /// that beads cannot reach is larger.
-const OPEN_SHARE: f64 = 0.02;
+const OPEN_SHARE: f64 = 0.01;
 /// Largest displacement of a curve that is pushed inside, against b: 50 µm for 0.2 mm, which one pose in a
 /// thousand needs. A curve farther outside is not a residual of the optimiser.
 const MOVED_SHARE: f64 = 0.25;
@@ -379,8 +379,9 @@ impl<'a> RegionJob<'a> {
         };
         let before_mm = tight_mm(begun);
         if before_mm > 0.0
-            && (self.run(&mut rounded, &Effort::cold(ROUNDING), Some(bound)))
-                .is_some_and(|rounded| rounded.open_mm2 - open_mm2 < OPEN_SHARE * self.ground_mm2)
+            && (self.run(&mut rounded, &Effort::cold(ROUNDING), Some(bound))).is_some_and(
+                |rounded| rounded.open_mm2 - open_mm2 < 2.0 * OPEN_SHARE * self.ground_mm2,
+            )
             && tight_mm(&rounded) <= 0.5 * before_mm
         {
             *begun = rounded;
@@ -452,9 +453,9 @@ const WORSE_MAX: f64 = 1.02;
 /// Iterations that a quality pays for, once more where gap-fill moves were added, and from the passes of the layer next to it.
 fn iterations(quality: Quality) -> [usize; 3] {
     match quality {
-        Quality::Fast => [10, 10, 6],
-        Quality::Standard => [20, 30, 10],
-        Quality::Fine => [40, 80, 20],
+        Quality::Fast => [6, 6, 4],
+        Quality::Standard => [16, 16, 6],
+        Quality::Fine => [24, 36, 12],
     }
 }
 
