@@ -2,8 +2,9 @@
 //!
 //! In: two placements (mm, rad), the largest turn (rad), the walls. Out: placements in between at
 //! steps of 0.6 b and 0.2 rad, none deeper in a wall than the allowed cut; empty if nothing fits.
-//! Not covered: paths around a corner.
+//! Not covered: paths with more than one corner.
 
+use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
@@ -49,6 +50,53 @@ pub fn connection(
         let mut way = inside_connection(way, aperture, walls)?;
         way.push(end);
         Some(way)
+    })
+}
+
+/// Lateral offset of a bent connection from the middle of the straight one, relative to b, the
+/// least first.
+const BESIDE_SHARES: [f64; 9] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0];
+
+/// A connection like [`connection`], or else two of them in sequence that meet where there is room:
+/// around a corner of the walls, or for a turn that is too large or too wide for one. Each of them
+/// turns by `turn_max_rad` at most.
+pub fn bent_connection(
+    from: Configuration,
+    to: Configuration,
+    turn_max_rad: f64,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Option<Vec<Configuration>> {
+    let way = |from, to| connection(from, to, turn_max_rad, aperture, walls);
+    let through = |bend| {
+        let bend = slide_inside(bend, aperture, walls, SLIDES, CUT_SHARE)?;
+        let mut first = way(from, bend)?;
+        // The first connection may have slid its end, and has turned it in either direction.
+        first.extend(way(*first.last()?, to)?);
+        Some(first)
+    };
+    way(from, to).or_else(|| bends(from, to, aperture).find_map(through))
+}
+
+/// Where a connection may bend: at an offset from the middle of the straight one, turned half way,
+/// not yet, already, or half way in the other direction.
+fn bends(
+    from: Configuration,
+    to: Configuration,
+    aperture: &Aperture,
+) -> impl Iterator<Item = Configuration> {
+    let turn = turn_to(aperture, from.heading_rad, to.heading_rad);
+    let other = turn - aperture.period_rad().copysign(turn);
+    let delta = to.center - from.center;
+    let beside = Vector2::new(-delta.y, delta.x).try_normalize(1e-9);
+    let beside = beside.unwrap_or(Vector2::zeros()) * aperture.minor_mm();
+    let places = BESIDE_SHARES.into_iter();
+    places.flat_map(move |share| {
+        let turns = [0.5 * turn, 0.0, turn, 0.5 * other].into_iter();
+        turns.map(move |turned| Configuration {
+            center: from.center + delta * 0.5 + beside * share,
+            heading_rad: from.heading_rad + turned,
+        })
     })
 }
 
@@ -128,6 +176,41 @@ mod tests {
         assert!((end.center - to.center).norm() < 1e-9);
         let turns = (end.heading_rad - to.heading_rad) / APERTURE.period_rad();
         assert!((turns - turns.round()).abs() < 1e-9);
+    }
+
+    /// Goal: a way around a corner bends, without a jump. Method: an angle of two corridors 0.9 mm
+    /// wide, the aperture along either.
+    #[test]
+    fn a_way_bends_around_a_corner() {
+        let corner = [
+            [-3.0, -0.45],
+            [0.45, -0.45],
+            [0.45, 3.0],
+            [-0.45, 3.0],
+            [-0.45, 0.45],
+            [-3.0, 0.45],
+        ];
+        let walls = walls(&[&corner]);
+        let from = at(-1.0, 0.0);
+        let to = Configuration {
+            center: Point2::new(0.0, 1.0),
+            heading_rad: std::f64::consts::FRAC_PI_2,
+        };
+        assert!(connection(from, to, 2.0, &APERTURE, &walls).is_none());
+        let way = bent_connection(from, to, 2.0, &APERTURE, &walls).expect("a way");
+        // Its poses are slid until they touch the corner.
+        assert_free(&way, to, &walls, -CUT_SHARE);
+        // A step of the eased way at its fastest, and what a pose may be slid.
+        let step_mm = (0.5 * std::f64::consts::PI * STEP_SHARE + SLIDE_SHARE) * 0.2;
+        let mut last = from;
+        for pose in way {
+            assert!((pose.center - last.center).norm() < step_mm, "{pose:?}");
+            assert!(
+                (pose.heading_rad - last.heading_rad).abs() < 0.35,
+                "{pose:?}"
+            );
+            last = pose;
+        }
     }
 
     /// Goal: a way ends at the very placement that it leads to, though that one cuts the walls a

@@ -8,7 +8,7 @@
 
 use crate::geometry::clearance::Configuration;
 use crate::geometry::plane_curve::{PlaneControl, configuration};
-use crate::plan::coverage::connections::{CUT_SHARE, SLIDES, connection};
+use crate::plan::coverage::connections::{CUT_SHARE, SLIDES, bent_connection};
 use crate::plan::curve::pushing_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::joining::links::{LENGTH_SHARE, TURN_MAX_RAD};
@@ -54,7 +54,7 @@ fn around(
     if (to.center - from.center).norm() > LENGTH_SHARE * aperture.major_mm() {
         return None;
     }
-    let way = connection(from, to, TURN_MAX_RAD, aperture, walls)?;
+    let way = bent_connection(from, to, TURN_MAX_RAD, aperture, walls)?;
     // Headings are unwrapped.
     let turned_rad = way.last()?.heading_rad - control[last][2];
     let of = |at: &Configuration| [at.center.x, at.center.y, at.heading_rad];

@@ -12,7 +12,7 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::point_grid::PointGrid;
-use crate::plan::coverage::connections::connection;
+use crate::plan::coverage::connections::bent_connection;
 use crate::plan::coverage::raster::NearbyPasses;
 use crate::plan::pass::{LayerPass, Placement};
 use std::collections::BTreeMap;
@@ -99,7 +99,7 @@ pub fn link(
     if length_mm > share * aperture.major_mm() {
         return None;
     }
-    let way = connection(end.at, start.at, TURN_MAX_RAD, &aperture, walls)?;
+    let way = bent_connection(end.at, start.at, TURN_MAX_RAD, &aperture, walls)?;
     let reach_mm = OWN_SHARE * aperture.major_mm();
     let own_end = stretch(before.placements().rev(), reach_mm);
     let own_start = stretch(next.placements(), reach_mm);
