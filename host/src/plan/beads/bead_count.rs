@@ -16,10 +16,9 @@ use crate::plan::axis::pruned_axis::Axis;
 /// beyond this the beads stay at their widest (and the gap shows in the figures).
 pub const BEADS_MAX: usize = 4096;
 
-/// Weight of one change of k against the other costs, in units of the aperture of printed path.
+/// Weight of a change of k against the other costs, and again of each bead in it, in units of the aperture of printed
+/// path.
 const CHANGE: f64 = 1.0;
-/// Further weight of each bead in one change.
-const CHANGE_STEP: f64 = 1.0;
 /// Least length of axis that a node represents, of the unit.
 const NODE_LEAST: f64 = 0.01;
 /// Printed path of one bead, per mm of axis: it is on both sides.
@@ -188,19 +187,19 @@ fn change_cost(from: usize, to: usize, unit_mm: f64) -> f64 {
     if from == to {
         0.0
     } else {
-        (CHANGE + CHANGE_STEP * from.abs_diff(to) as f64) * unit_mm
+        CHANGE * (1 + from.abs_diff(to)) as f64 * unit_mm
     }
 }
 
 /// min over s' of cost[s'] + change(s, s'), for all s, in linear time.
 fn changed_costs(costs: &[f32], unit_mm: f64) -> Vec<f32> {
-    let [step, change] = [CHANGE_STEP, CHANGE].map(|share| (share * unit_mm) as f32);
+    let change = (CHANGE * unit_mm) as f32;
     let mut spread = costs.to_vec();
     for s in 1..spread.len() {
-        spread[s] = spread[s].min(spread[s - 1] + step);
+        spread[s] = spread[s].min(spread[s - 1] + change);
     }
     for s in (1..spread.len()).rev() {
-        spread[s - 1] = spread[s - 1].min(spread[s] + step);
+        spread[s - 1] = spread[s - 1].min(spread[s] + change);
     }
     costs
         .iter()

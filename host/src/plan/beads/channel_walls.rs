@@ -20,10 +20,9 @@ use crate::plan::pass::Placement;
 use crate::plan::pass::sweep::poses_between;
 use rayon::prelude::*;
 
-/// How far a wall moves out where the bead before fell short, against the major semi-axis.
-const OUT_SHARE: f64 = 0.8;
-/// How far it moves in where that bead reached too far.
-const IN_SHARE: f64 = 0.8;
+/// How far a wall moves out where the bead before fell short, and in where that bead reached too far, against the
+/// major semi-axis.
+const MOVED_SHARE: f64 = 0.8;
 /// A chord whose middle is further inside than this (times b) belongs to a bead of the other side.
 const OWN_SIDE_SHARE: f64 = 0.25;
 /// Far above the rounding of places, mm.
@@ -129,9 +128,8 @@ impl Laid {
         edge
     }
 
-    /// The level curve moved onto the edge of the covered area, by at most `OUT_SHARE` and
-    /// `IN_SHARE` of the aperture, and from there back into it by `overlap_mm` (a function of a
-    /// point and the normal there).
+    /// The level curve moved onto the edge of the covered area, by at most `MOVED_SHARE`,
+    /// and from there back into it by `overlap_mm` (a function of a point and the normal there).
     pub fn moved_wall(
         &self,
         ring: &Ring,
@@ -143,7 +141,7 @@ impl Laid {
         if count < 8 {
             return ring.clone();
         }
-        let a = self.aperture.major_mm();
+        let moved_mm = MOVED_SHARE * self.aperture.major_mm();
         let normals: Vec<Vector2> = (0..count)
             .map(|i| {
                 let along = points[(i + 2) % count] - points[(i + count - 2) % count];
@@ -156,8 +154,8 @@ impl Laid {
             .into_par_iter()
             .map(|i| {
                 let edge_mm = self.edge_mm(points[i], normals[i]);
-                let edge_mm = edge_mm.unwrap_or(-OUT_SHARE * a);
-                edge_mm.clamp(-OUT_SHARE * a, IN_SHARE * a) - overlap_mm(points[i], normals[i])
+                let edge_mm = edge_mm.unwrap_or(-moved_mm);
+                edge_mm.clamp(-moved_mm, moved_mm) - overlap_mm(points[i], normals[i])
             })
             .collect();
         for _ in 0..SHIFT_ROUNDS {

@@ -15,18 +15,11 @@ use crate::plan::axis::pruned_axis::{Axis, flood};
 use crate::plan::beads::bead_count::{TOO_NARROW, TOO_WIDE};
 use crate::plan::beads::passes::PassSettings;
 use crate::plan::beads::t_join::cheapest_links;
-use std::f64::consts::FRAC_PI_4;
 
 /// Length of badly divided axis that one end of a single run is worth, mm against a. Two ends are an
 /// interruption of flow: as much as to cover 1.2 times the aperture's area again (ellipse of 0.6 x
 /// 0.2 mm). Real slices divide the same from 9 to 10.
 const END_SHARE: f64 = 9.5;
-/// Radius against b below which a passage is tight: sides that overlap almost completely are only
-/// printed where they continue into a wider area.
-const TIGHT_SHARE: f64 = 1.4;
-/// Longest tight stretch through which they are certainly printed, relative to a. Along the wall it
-/// is 2.5, where bends make it longer.
-const TIGHT_LENGTH_SHARE: f64 = 1.5;
 /// Cost of laying two beads where one would do, per mm.
 const TWO_FOR_ONE: f64 = 0.05;
 /// How much wider than the widest bead a stretch may be, against a, and still be one with what that bead spans, where
@@ -59,8 +52,6 @@ struct Passages<'a> {
     neighbours: &'a [Vec<u32>],
     is_neck: &'a [bool],
     aperture: &'a Aperture,
-    /// Where two sides would not be printed.
-    is_open: Vec<bool>,
     /// Where one bead is to span the passage because it can.
     is_spanned: Vec<bool>,
     /// What one bead costs more than two sides at the width of each node, per mm.
@@ -79,11 +70,9 @@ impl<'a> Passages<'a> {
             neighbours,
             is_neck,
             aperture: &settings.aperture,
-            is_open: Vec::new(),
             is_spanned: vec![false; axis.points.len()],
             more: Vec::new(),
         };
-        passages.is_open = passages.open_nodes();
         if settings.one_pass {
             passages.is_spanned = passages.spanned_nodes();
         }
@@ -98,15 +87,8 @@ impl<'a> Passages<'a> {
         near.filter(|&n| !self.is_neck[n])
     }
 
-    /// True where the axis ends in a wall or a neck.
-    fn is_end(&self, node: usize) -> bool {
-        self.neighbours[node].len() == 1 || self.near(node).count() < self.neighbours[node].len()
-    }
-
     /// The links that are divided, and what one bead costs more on each than two sides.
     fn links(&self) -> (Vec<[u32; 2]>, Vec<f64>) {
-        // Half the aperture's area, as a length of the passage.
-        let cap_mm = FRAC_PI_4 * self.aperture.minor_mm();
         let points = &self.axis.points;
         let (mut links, mut costs) = (Vec::new(), Vec::new());
         for &[p, q] in &self.axis.links {
@@ -115,11 +97,7 @@ impl<'a> Passages<'a> {
                 continue;
             }
             let half_mm = (points[nodes[0]] - points[nodes[1]]).norm() / 2.0;
-            let cost = nodes.map(|node| {
-                let has_cap = self.is_open[node] && self.is_end(node);
-                let length_mm = half_mm + if has_cap { cap_mm } else { 0.0 };
-                length_mm * self.more[node]
-            });
+            let cost = nodes.map(|node| half_mm * self.more[node]);
             links.push([p, q]);
             costs.push(cost[0] + cost[1]);
         }
@@ -133,8 +111,6 @@ impl<'a> Passages<'a> {
         let beads = r / (WIDEST_SINGLE_SHARE * a);
         let two_sides = if self.is_spanned[node] {
             TOO_WIDE
-        } else if self.is_open[node] {
-            TOO_WIDE * beads
         } else {
             TOO_NARROW * (2.0 - r / b).max(0.0) + TWO_FOR_ONE
         };
@@ -158,43 +134,6 @@ impl<'a> Passages<'a> {
             }
         }
         is_spanned
-    }
-
-    /// Marks the nodes that one bead fits on and two sides would leave open: tight stretches that are
-    /// long, or that lead nowhere.
-    fn open_nodes(&self) -> Vec<bool> {
-        let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
-        let radii_mm = &self.axis.radii_mm;
-        let is_tight = |n: usize| !self.is_neck[n] && radii_mm[n] < TIGHT_SHARE * b;
-        let mut is_open = vec![false; radii_mm.len()];
-        let mut seen = is_open.clone();
-        for seed in 0..is_open.len() {
-            if seen[seed] || !is_tight(seed) {
-                continue;
-            }
-            let stretch = flood(seed, self.neighbours, &mut seen, is_tight);
-            let leads_on = stretch.iter().any(|&n| self.near(n).any(|m| !is_tight(m)));
-            // Two sides go in and out of a dead end.
-            let is_dead_end = stretch.iter().any(|&n| self.is_end(n));
-            let ways = if is_dead_end { 2.0 } else { 1.0 };
-            if !leads_on || ways * self.length_mm(&stretch) > TIGHT_LENGTH_SHARE * a {
-                for n in stretch {
-                    is_open[n] = radii_mm[n] >= b;
-                }
-            }
-        }
-        is_open
-    }
-
-    /// Length of the axis on these nodes, half of each link that leaves them included, mm.
-    fn length_mm(&self, nodes: &[usize]) -> f64 {
-        let points = &self.axis.points;
-        let about = |&n: &usize| {
-            let near = self.neighbours[n].iter().map(|&m| m as usize);
-            near.map(|m| (points[n] - points[m]).norm() / 2.0)
-                .sum::<f64>()
-        };
-        nodes.iter().map(about).sum()
     }
 
     /// The nodes of single runs: necks, joints and passages of at least two chosen links, ends of one.
@@ -322,9 +261,8 @@ mod tests {
         assert_eq!(division(&square(0.5), &necks), necks);
     }
 
-    /// Goal: tight stretches are two-sided only where these go on through them: short ones between wider
-    /// places; not long ones, nor at a dead end, whose cap counts too. Method: a passage of 0.6 mm
-    /// half-width but in its middle, 0.25 there (1.4 b is 0.28) over 0.6 and 2 mm; one that ends tight.
+    /// Goal: tight stretches are two-sided where they are short, and two ends of a single bead would cost more. Method: a
+    /// passage of 0.6 mm half-width but in its middle, 0.25 there over 0.6 and 2 mm.
     #[test]
     fn long_tight_stretches_are_left_to_one_bead() {
         let passage = |tight: std::ops::Range<f64>| {
@@ -341,9 +279,6 @@ mod tests {
         let long = division(&passage(4.05..6.05), &none);
         let expected: Vec<bool> = (0..101).map(|n| (41..61).contains(&n)).collect();
         assert_eq!(long, expected);
-        let dead_end = division(&passage(9.25..11.0), &none);
-        assert!((93..101).all(|n| dead_end[n]), "{dead_end:?}");
-        assert!((0..93).all(|n| !dead_end[n]), "{dead_end:?}");
     }
 
     /// Goal: passages hardly wider than the narrowest bead are single whatever ends that makes, and so is

@@ -356,15 +356,11 @@ fn channel_width_mm(
 /// others do not is checked once all exist ([`drop_idle`]).
 fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {
     let is_long = |pass: &LayerPass| {
-        let least_mm = if pass.closed {
-            LOOP_SHARE_MIN * aperture.minor_mm()
-        } else {
-            RUN_SHARE_MIN * aperture.major_mm()
-        };
-        run_length_mm(pass) > least_mm
+        let open_min_mm = RUN_SHARE_MIN * aperture.major_mm();
+        pass.length_mm() > if pass.closed { 0.0 } else { open_min_mm }
     };
     if channel == 1 && !found.iter().any(is_long) {
-        let longest = |p: &LayerPass, q: &LayerPass| run_length_mm(p).total_cmp(&run_length_mm(q));
+        let longest = |p: &LayerPass, q: &LayerPass| p.length_mm().total_cmp(&q.length_mm());
         let longest = found.drain(..).max_by(longest);
         found.extend(longest.filter(|pass| pass.placements.len() > 1));
         return;
@@ -374,18 +370,6 @@ fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {
 
 /// Shortest open run of a channel against a: a shorter one would deposit a blot on its neighbours.
 const RUN_SHARE_MIN: f64 = 2.0;
-/// Shortest loop against b: what does not move at all is no pass.
-const LOOP_SHARE_MIN: f64 = 0.5;
-/// Distance that a turn in place counts as there, mm per radian.
-const TURN_MM: f64 = 0.1;
-
-fn run_length_mm(pass: &LayerPass) -> f64 {
-    let turns = pass.placements.windows(2);
-    let turned_rad: f64 = turns
-        .map(|w| (w[1].at.heading_rad - w[0].at.heading_rad).abs())
-        .sum();
-    pass.length_mm() + TURN_MM * turned_rad
-}
 
 /// A single run on the axis: the aperture spans the passage.
 fn single_passes(run: &SingleRun, walls: &EdgeIndex, settings: &PassSettings) -> Vec<LayerPass> {
@@ -398,6 +382,6 @@ fn single_passes(run: &SingleRun, walls: &EdgeIndex, settings: &PassSettings) ->
             closed,
             placements,
         })
-        .filter(|pass| run_length_mm(pass) > 0.5 * settings.aperture.minor_mm())
+        .filter(|pass| pass.length_mm() > 0.5 * settings.aperture.minor_mm())
         .collect()
 }

@@ -3,7 +3,6 @@
 //! In: a region with its walls and axis (mm). Out: single-bead paths along the axis, and the parts of
 //! the region (mm) that remain for two sides. Why here: both cuts must be at the same nodes.
 
-use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
@@ -90,9 +89,6 @@ pub fn split_region(
 fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -> Vec<bool> {
     let is_neck = necks(axis, neighbours, settings.aperture.minor_mm());
     let mut single = cheapest_division(axis, neighbours, &is_neck, settings);
-    if !settings.one_pass {
-        drop_points(&mut single, axis, neighbours, &settings.aperture);
-    }
     drop_short_pieces(&mut single, axis, neighbours, settings.aperture.major_mm());
     for (single, is_neck) in single.iter_mut().zip(is_neck) {
         *single |= is_neck;
@@ -120,38 +116,6 @@ fn necks(axis: &Axis, neighbours: &[Vec<u32>], b: f64) -> Vec<bool> {
 
 /// Least length that a contact on the axis represents, mm.
 const LENGTH_MIN_MM: f64 = 0.02;
-
-/// Longest single run into a point, against a.
-const POINT_LENGTH_SHARE_MAX: f64 = 8.0;
-/// Widest end of a dead end that is a point, against b.
-const POINT_RADIUS_SHARE_MAX: f64 = 1.5;
-
-/// Gives short single runs from a piece into a point to the piece: a bead there would be followed
-/// in and out again, which its two sides do with less area covered twice.
-fn drop_points(single: &mut [bool], axis: &Axis, neighbours: &[Vec<u32>], aperture: &Aperture) {
-    let length_max_mm = POINT_LENGTH_SHARE_MAX * aperture.major_mm();
-    let radius_max_mm = POINT_RADIUS_SHARE_MAX * aperture.minor_mm();
-    let is_point =
-        |node: &usize| neighbours[*node].len() == 1 && axis.radii_mm[*node] <= radius_max_mm;
-    for leaf in (0..single.len()).filter(is_point) {
-        let (mut point, mut length_mm) = (Vec::new(), 0.0);
-        let (mut at, mut before) = (leaf, leaf);
-        while single[at] && neighbours[at].len() <= 2 && length_mm <= length_max_mm {
-            point.push(at);
-            let ahead = neighbours[at].iter().map(|&n| n as usize);
-            let Some(next) = ahead.into_iter().find(|&n| n != before) else {
-                break;
-            };
-            length_mm += (axis.points[next] - axis.points[at]).norm();
-            (before, at) = (at, next);
-        }
-        if !single[at] {
-            for node in point {
-                single[node] = false;
-            }
-        }
-    }
-}
 
 /// Gives pieces to the single runs about them that are too short for two sides and not too wide for
 /// one bead.

@@ -17,15 +17,10 @@ use crate::plan::pass::sweep::poses_between;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Least area of a gap that is worth a gap-fill move, against that of the aperture (0.003 mm² for
-/// the 0.6 x 0.2 mm ellipse).
+/// Least area of a gap that is searched, against that of the aperture (0.003 mm² for the 0.6 x 0.2 mm ellipse): no move
+/// into a smaller one is worth its time.
 const GAP_SHARE_MIN: f64 = 0.008;
-/// Least net gain of a placement, against the aperture's area.
-const GAIN_SHARE_MIN: f64 = 0.005;
-/// What covering a place again costs against covering a new one, where a placement is searched: it
-/// does not know yet from where it is reached.
-const AGAIN_WEIGHT: f64 = 0.06;
-/// The same for the whole gap-fill move, which only counts what the figures count.
+/// What covering a place again costs a gap-fill move against covering a new one. It counts what the figures count.
 const NET_AGAIN_WEIGHT: f64 = 0.22;
 /// Headings tried over the aperture's period.
 const HEADINGS: usize = 12;
@@ -44,8 +39,8 @@ const CELLS_MAX: usize = 6_000_000;
 pub struct GapRaster {
     coverage: Coverage,
     grid: CellGrid,
-    /// Open and covered cells of each row up to each cell.
-    sums: Vec<[u32; 2]>,
+    /// Open cells of each row up to each cell.
+    sums: Vec<u32>,
     /// Connected sets of open cells, each from its first cell on, in raster order of that cell.
     gaps: Vec<Vec<u32>>,
     /// Rows newly covered since sums and gaps were found.
@@ -88,7 +83,7 @@ impl GapRaster {
         let open: Vec<u32> = (0..cells as u32).into_par_iter().filter(open).collect();
         let mut raster = GapRaster {
             grid: coverage.grid(),
-            sums: vec![[0; 2]; cells],
+            sums: vec![0; cells],
             gaps: Vec::from_iter((!open.is_empty()).then_some(open)),
             stale_rows: vec![true; coverage.rows],
             seen: vec![0; cells],
@@ -159,15 +154,14 @@ impl GapRaster {
         Some(gap)
     }
 
-    /// The placement in or near a gap with the largest gain, if any is worth its distance.
+    /// The placement in or near a gap with the largest gain, if any has one.
     pub fn best_placement(
         &self,
         gap: &[u32],
         aperture: &Aperture,
         walls: &EdgeIndex,
     ) -> Option<Configuration> {
-        let area = aperture.area_mm2();
-        if (gap.len() as f64) * self.cell_area_mm2() < GAP_SHARE_MIN * area {
+        if (gap.len() as f64) * self.cell_area_mm2() < GAP_SHARE_MIN * aperture.area_mm2() {
             return None;
         }
         let headings = if aperture.is_round() { 1 } else { HEADINGS };
@@ -190,12 +184,8 @@ impl GapRaster {
                 }
             }
         }
-        let (found, at) = self.refined(
-            best?,
-            0.5 * aperture.period_rad() / headings as f64,
-            &better,
-        );
-        (found >= GAIN_SHARE_MIN * area).then_some(at)
+        let step_rad = 0.5 * aperture.period_rad() / headings as f64;
+        Some(self.refined(best?, step_rad, &better))
     }
 
     /// The placement centred on a place, and those that touch it with an end or a side.
@@ -218,7 +208,7 @@ impl GapRaster {
         start: (f64, Configuration),
         step_rad: f64,
         better: &impl Fn(Configuration, f64) -> Option<(f64, Configuration)>,
-    ) -> (f64, Configuration) {
+    ) -> Configuration {
         let (mut best, mut at) = start;
         let mut step_mm = 4.0 * self.coverage.cell_mm;
         let mut step_rad = step_rad;
@@ -246,24 +236,18 @@ impl GapRaster {
                 step_rad *= 0.5;
             }
         }
-        (best, at)
+        at
     }
 
-    /// Newly covered area less the weighted area covered again, mm², from the sums.
+    /// Newly covered area, mm², from the sums.
     fn gain_mm2(&self, aperture: &Aperture, at: Configuration) -> f64 {
-        let (mut open, mut again) = (0, 0);
+        let mut open = 0;
         self.grid.for_rows(aperture, at, |row, from, to| {
             let row = row * self.grid.columns;
-            let to = self.sums[row + to];
-            let before = from.checked_sub(1).map_or([0; 2], |c| self.sums[row + c]);
-            open += to[0] - before[0];
-            again += to[1] - before[1];
+            let before = from.checked_sub(1).map_or(0, |c| self.sums[row + c]);
+            open += self.sums[row + to] - before;
         });
-        self.worth_mm2(open, again)
-    }
-
-    fn worth_mm2(&self, open: u32, again: u32) -> f64 {
-        (f64::from(open) - AGAIN_WEIGHT * f64::from(again)) * self.cell_area_mm2()
+        f64::from(open) * self.cell_area_mm2()
     }
 
     /// What a gap-fill move newly covers, less the weighted area that it covers
@@ -345,13 +329,12 @@ impl GapRaster {
     }
 }
 
-/// Open and covered cells of a row up to each cell.
-fn sum_row(sums: &mut [[u32; 2]], cells: &[Cell]) {
-    let [mut open, mut covered] = [0, 0];
+/// Open cells of a row up to each cell.
+fn sum_row(sums: &mut [u32], cells: &[Cell]) {
+    let mut open = 0;
     for (sum, cell) in sums.iter_mut().zip(cells) {
         open += u32::from(*cell == Cell::Gap);
-        covered += u32::from(matches!(cell, Cell::Covered | Cell::Overlap));
-        *sum = [open, covered];
+        *sum = open;
     }
 }
 
@@ -522,14 +505,11 @@ mod tests {
                 let (u, v) = (d.x * cos + d.y * sin, d.y * cos - d.x * sin);
                 (u / 0.6).powi(2) + (v / 0.2).powi(2) <= 1.0
             };
-            let count = |states: &[Cell]| {
-                let cells = 0..raster.coverage.cells.len();
-                let found = cells.filter(|&c| states.contains(&raster.coverage.cells[c]));
-                found.filter(|&c| is_under(c)).count() as u32
-            };
-            let worth =
-                raster.worth_mm2(count(&[Cell::Gap]), count(&[Cell::Covered, Cell::Overlap]));
-            assert_eq!(raster.gain_mm2(&APERTURE, at), worth);
+            let cells = 0..raster.coverage.cells.len();
+            let open = cells.filter(|&c| raster.coverage.cells[c] == Cell::Gap);
+            let open = open.filter(|&c| is_under(c)).count() as u32;
+            let expected = f64::from(open) * raster.cell_area_mm2();
+            assert_eq!(raster.gain_mm2(&APERTURE, at), expected);
         }
     }
 
@@ -593,7 +573,7 @@ mod tests {
             let mut fresh = raster.gaps().concat();
             fresh.sort_unstable();
             let sums = std::mem::take(&mut raster.sums);
-            raster.sums = vec![[0; 2]; sums.len()];
+            raster.sums = vec![0; sums.len()];
             raster.gaps = vec![fresh];
             raster.stale_rows.fill(true);
             raster.update();

@@ -272,8 +272,8 @@ mod tests {
                 let end = pair[0].placements.last().expect("an end").at;
                 let begin = pair[1].placements[0].at;
                 assert!(begin.heading_rad >= end.heading_rad);
-                // The aperture is 0.4 mm wide there, and the next lap lies over the gaps beside it.
-                assert!((begin.center - end.center).norm() < 0.4);
+                // 0.3 mm on costs least, and placements are up to 0.2 mm apart.
+                assert!((begin.center - end.center).norm() < 0.5);
             }
             for piece in &pieces {
                 let headings = piece.placements.iter().map(|p| p.at.heading_rad);

@@ -11,13 +11,12 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::plane_curve::{PlaneControl, configuration};
+use crate::plan::beads::passes::CORNER_RAD;
 use crate::plan::curve::detours::detoured;
 use crate::plan::curve::pushing_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
 use crate::plan::pass::LayerPass;
 use crate::settings::Settings;
 
-/// Second differences above this share of the step are corners, not curvature.
-const SMOOTH_SHARE: f64 = 0.35;
 /// Placements closer than this, of the aperture's unit, and turned by less than `MERGE_RAD` are one.
 const MERGE: f64 = 0.012;
 /// See `MERGE`.
@@ -181,10 +180,10 @@ pub fn merged(pass: &LayerPass, aperture: &Aperture) -> (Vec<PlaneControl>, Vec<
     (control, numbers)
 }
 
-/// True if the second difference of a control polygon is its curve's curvature and not a corner;
-/// `step_mm` is the distance to the next control point.
+/// True if the second difference of a control polygon is its curve's curvature and not a corner: over the step it is
+/// the turn, rad; `step_mm` is the distance to the next control point.
 pub fn is_smooth(second: &PlaneControl, step_mm: f64) -> bool {
-    second[0].hypot(second[1]) < SMOOTH_SHARE * step_mm
+    second[0].hypot(second[1]) < CORNER_RAD * step_mm
 }
 
 /// The control polygon of a curve that runs through these points where they are smooth.

@@ -77,9 +77,6 @@ pub fn whole_pieces(length_mm: f64, piece_mm: f64) -> usize {
 /// Share of the spacing below which samples are taken together.
 const FINE_SHARE: f64 = 0.25;
 
-/// Longest run of samples taken together, against the spacing: noise folds the wall.
-const FOLDED_MAX: f64 = 8.0;
-
 /// True where the wall as a whole turns at vertex `at` by more than half as much as a corner does,
 /// the same way: noise turns back and forth.
 fn is_corner(points: &[Point2], at: usize, turn: f64, spacing: ContactSpacing) -> bool {
@@ -107,17 +104,15 @@ fn thin_out(contacts: &mut Vec<Contact>, breaks: &mut Vec<bool>, spacing_mm: f64
     let (mut thin, mut ends) = (Vec::new(), Vec::new());
     let mut at = 0;
     while at < contacts.len() {
-        let (from, mut length_mm) = (at, contacts[at].length_mm);
-        let mut sum = contacts[at].normal * length_mm;
+        let from = at;
+        let mut sum = contacts[at].normal * contacts[at].length_mm;
         while fine(&contacts[from])
             && !breaks[at]
             && contacts.get(at + 1).is_some_and(fine)
             // Each normal by its length is its edge turned: their sum is as long as the chord.
             && sum.norm() < spacing_mm
-            && length_mm < FOLDED_MAX * spacing_mm
         {
             at += 1;
-            length_mm += contacts[at].length_mm;
             sum += contacts[at].normal * contacts[at].length_mm;
         }
         let mut contact = contacts[from];

@@ -20,28 +20,20 @@ use crate::plan::pass::LayerPass;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Longest bridge, against a: neighbouring beads are up to 2a apart.
+/// Longest bridge, and largest distance of the ends of an open bead that is treated like a loop, against a: neighbouring
+/// beads are up to 2a apart.
 const LENGTH_SHARE: f64 = 2.6;
 /// Places tried along two neighbouring loops.
 const PLACES: usize = 6;
 /// Length first removed from either loop, against the extents of the aperture along the travel:
 /// beads side by side, or the tip of a loop that meets the flank of another bead.
 const OPENINGS: [f64; 3] = [1.7, 0.8, 0.3];
-/// Most area that a bridge may waste, against the aperture's: left open or covered again.
-const COST_SHARE_MAX: f64 = 3.0;
-/// The same before it is fitted.
-const BEGUN_SHARE_MAX: f64 = 6.0;
 /// Least placements of a pass that is opened.
 const COUNT_MIN: usize = 16;
 /// Places of two loops, the cheapest, that are fitted where a bridge is built.
 const FITTED: usize = 3;
 /// Most moves of ends of openings, by a placement, that are tried to fit a bridge.
 const FIT_TRIES: usize = 60;
-/// Gain of using up the ends of a run, against the aperture's area.
-const GAP_SAVES_SHARE: f64 = 0.5;
-/// Largest distance of the ends of an open bead that is treated like a loop, relative to a.
-const GAP_SHARE: f64 = 2.5;
-
 /// Joins loops and open beads to adjacent loops where that is cheap; others are unchanged.
 pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
     let costs = BridgeCosts::of(&passes, aperture);
@@ -50,13 +42,12 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
         .into_par_iter()
         .flat_map_iter(|(pair, places)| {
             let mut costs = costs.between(pair, &passes);
-            let found = candidates(&passes, pair, &places, aperture, walls, &mut costs);
-            within_limit(found, &passes, aperture, walls, &mut costs)
+            candidates(&passes, pair, &places, aperture, walls, &mut costs)
         })
         .collect();
     found.sort_by(|x, y| {
-        let by_rank = x.rank_mm2.total_cmp(&y.rank_mm2);
-        by_rank.then(x.bridge.key().cmp(&y.bridge.key()))
+        let by_cost = x.cost_mm2.total_cmp(&y.cost_mm2);
+        by_cost.then(x.bridge.key().cmp(&y.bridge.key()))
     });
     let mut fine = fitted_tree(&found, &passes, aperture, walls, &costs);
     fine.extend(found.into_iter().map(|found| found.bridge));
@@ -73,8 +64,6 @@ struct Candidate {
     bridge: Bridge,
     /// The area that it wastes ([`BridgeCosts::cost_mm2`]).
     cost_mm2: f64,
-    /// The same, less the gain of using up the ends of a run: the lowest is built first.
-    rank_mm2: f64,
 }
 
 /// For each bridge of the tree that the first ones make the best of those fitted between its loops,
@@ -242,56 +231,24 @@ fn candidates(
         let nearest = group.iter().min_by(|x, y| x.2.total_cmp(&y.2));
         nearest.map(|&(i, j, _)| [i, j])
     };
-    let mut candidate = |bridge: Bridge, saved_mm2: f64| {
+    let mut candidate = |bridge: Bridge| {
         let cost_mm2 = costs.cost_mm2(&bridge);
-        Candidate {
-            bridge,
-            cost_mm2,
-            rank_mm2: cost_mm2 - saved_mm2,
-        }
+        Candidate { bridge, cost_mm2 }
     };
     let own_gaps = [0, 1].into_iter().filter_map(|side| {
         let bridge = bridge_at_gap(passes, loops, side, places, aperture, walls)?;
-        Some(candidate(bridge, GAP_SAVES_SHARE * aperture.area_mm2()))
+        Some(candidate(bridge))
     });
     let own_gaps: Vec<Candidate> = own_gaps.collect();
     let places = places.chunks(size).filter_map(nearest);
     let found = places.filter_map(|at| {
         let opened = OPENINGS.into_iter().filter_map(|opening| {
             let bridge = bridge(passes, loops, at, opening, aperture, walls)?;
-            Some(candidate(bridge, 0.0))
+            Some(candidate(bridge))
         });
-        opened.min_by(|x, y| x.rank_mm2.total_cmp(&y.rank_mm2))
+        opened.min_by(|x, y| x.cost_mm2.total_cmp(&y.cost_mm2))
     });
     found.chain(own_gaps).collect()
-}
-
-/// The bridges of two loops that waste little enough; if there is none, the cheapest once fitted.
-fn within_limit(
-    mut found: Vec<Candidate>,
-    passes: &[LayerPass],
-    aperture: &Aperture,
-    walls: &EdgeIndex,
-    costs: &mut PairCosts,
-) -> Vec<Candidate> {
-    let [limit_mm2, begun_mm2] =
-        [COST_SHARE_MAX, BEGUN_SHARE_MAX].map(|share| share * aperture.area_mm2());
-    if !found.iter().any(|found| found.rank_mm2 < limit_mm2) {
-        found.sort_by(|x, y| x.rank_mm2.total_cmp(&y.rank_mm2));
-        found.truncate(FITTED);
-        found.retain(|found| found.rank_mm2 < begun_mm2);
-        for found in &mut found {
-            let (cost_mm2, bridge) = fitted(found, passes, aperture, walls, costs);
-            let saved_mm2 = found.cost_mm2 - found.rank_mm2;
-            *found = Candidate {
-                bridge,
-                cost_mm2,
-                rank_mm2: cost_mm2 - saved_mm2,
-            };
-        }
-    }
-    found.retain(|found| found.rank_mm2 < limit_mm2);
-    found
 }
 
 /// The bridge to an open bead whose ends are close to each other: it is open already.
@@ -309,7 +266,7 @@ fn bridge_at_gap(
     }
     let last = run.placements.len() - 1;
     let gap_mm = (run.placements[last].at.center - run.placements[0].at.center).norm();
-    if gap_mm > GAP_SHARE * aperture.major_mm() {
+    if gap_mm > LENGTH_SHARE * aperture.major_mm() {
         return None;
     }
     // Where the other one passes either end.
@@ -488,7 +445,6 @@ mod tests {
             let begun = Candidate {
                 bridge: begun,
                 cost_mm2: cost,
-                rank_mm2: cost,
             };
             let (fitted, _) = fitted(&begun, &passes, &APERTURE, &walls, &mut costs);
             assert!(cost > 1.5 * least, "{cost} {least}");

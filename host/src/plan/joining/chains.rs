@@ -20,14 +20,8 @@ use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
-/// Ground that the join which closes the last open run may cover again, against the aperture's
-/// area.
-const IDLE_SHARE: f64 = 0.25;
 /// Least placements of a run that is closed to a loop.
 const LOOP_COUNT_MIN: usize = 16;
-
-/// Where a loop may be entered, in placements from the one nearest to the end of a run.
-const BESIDE: [isize; 5] = [0, 5, -5, 10, -10];
 
 /// A connection from one end to the other, without both.
 struct Join {
@@ -48,13 +42,13 @@ pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
 }
 
 /// As many of the joins as there are ends for. A tour of all loops is open at one place anyway: if
-/// no end would remain, the most expensive join is omitted, if it costs more than `idle_mm2`; else
-/// a loop may begin anywhere.
-fn chosen(pairs: &[Pair], ends_count: usize, idle_mm2: f64) -> Vec<usize> {
+/// no end would remain, the most expensive join is omitted, if it costs anything; else a loop may
+/// begin anywhere.
+fn chosen(pairs: &[Pair], ends_count: usize) -> Vec<usize> {
     let mut chosen = matched(pairs);
     if 2 * chosen.len() == ends_count {
         let cost = |at: usize| pairs[chosen[at]].1;
-        let costly = (0..chosen.len()).filter(|&at| cost(at) > idle_mm2);
+        let costly = (0..chosen.len()).filter(|&at| cost(at) > 0.0);
         let costliest = costly.max_by(|&i, &j| cost(i).total_cmp(&cost(j)).then(j.cmp(&i)));
         if let Some(at) = costliest {
             chosen.remove(at);
@@ -68,8 +62,7 @@ fn joined_up(passes: &[LayerPass], mut joins: Vec<Join>, aperture: &Aperture) ->
     let pairs: Vec<Pair> = joins.iter().map(|j| (j.ends, j.cost_mm2)).collect();
     let mut at_end: HashMap<End, (End, Vec<Placement>)> = HashMap::new();
     let open = passes.iter().filter(|pass| is_open_run(pass)).count();
-    let idle_mm2 = IDLE_SHARE * aperture.area_mm2();
-    for number in chosen(&pairs, 2 * open, idle_mm2) {
+    for number in chosen(&pairs, 2 * open) {
         let Join { ends, way, .. } = &mut joins[number];
         let back = way.iter().rev().copied().collect();
         at_end.insert(ends[0], (ends[1], std::mem::take(way)));
@@ -130,8 +123,7 @@ pub fn around_loops(
     joined_up(&passes, joins, aperture)
 }
 
-/// Ends of open passes with the loops within `reach_mm`: the loop and its placements where it may
-/// be entered, the nearest first.
+/// Ends of open passes with the loops within `reach_mm`: the loop and its nearest placement.
 fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
     let numbered = || {
         passes
@@ -151,15 +143,8 @@ fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
     {
         for end in [0, 1] {
             let own = pass.placements[end * (pass.placements.len() - 1)].at.center;
-            for (other, i, _) in nearest_of_each(&index, passes, 0, own, reach_mm) {
-                let placements = &passes[other].placements;
-                let count = placements.len() as isize;
-                let places = BESIDE.map(|by| (i as isize + by).rem_euclid(count) as usize);
-                let places = places
-                    .into_iter()
-                    .filter(|&place| (placements[place].at.center - own).norm() < reach_mm);
-                near.extend(places.map(|place| ((number, end), (other, place))));
-            }
+            let nearest = nearest_of_each(&index, passes, 0, own, reach_mm);
+            near.extend(nearest.map(|(other, i, _)| ((number, end), (other, i))));
         }
     }
     near
@@ -330,23 +315,6 @@ mod tests {
         }
         let apart = around_loops(vec![ring(), run(5.5)], &APERTURE, &walls(&[BOX]));
         assert_eq!(apart, vec![ring(), run(5.5)]);
-    }
-
-    /// Goal: a loop may be entered beside its nearest place too, as far as a way reaches. Method:
-    /// the ring of 188 places, 1 mm from the end of a run; within 1.3 mm, and within 1.8 mm.
-    #[test]
-    fn a_loop_is_entered_beside_its_nearest_place_too() {
-        let passes = [ring(), run(4.0)];
-        let places = |reach_mm| -> Vec<usize> {
-            let near = ends_at_loops(&passes, reach_mm).into_iter();
-            near.map(|(end, (number, place))| {
-                assert_eq!((end, number), ((1, 0), 0));
-                place
-            })
-            .collect()
-        };
-        assert_eq!(places(1.3), [0, 5, 183]);
-        assert_eq!(places(1.8), [0, 5, 183, 10, 178]);
     }
 
     /// Goal: a loop is opened once only. Method: two runs that meet it at opposite sides.

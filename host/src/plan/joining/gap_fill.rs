@@ -15,6 +15,7 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::point_grid::PointGrid;
 use crate::plan::coverage::connections::{eased, inside_connection};
 use crate::plan::coverage::gap_raster::{Footprint, GapRaster};
+use crate::plan::joining::links::LENGTH_SHARE;
 use crate::plan::pass::sweep::turn_to;
 use crate::plan::pass::{LayerPass, Placement};
 use crate::plan::pose_limits::AreaPrice;
@@ -25,26 +26,21 @@ use std::collections::HashMap;
 const ROUNDS: usize = 40;
 /// Rounds in which the same gap is searched in vain.
 const TRIES: usize = 2;
-/// Least net gain of a gap-fill move, against the aperture's area.
-const NET_SHARE_MIN: f64 = 0.01;
 /// Placements of the passes tried as the start of a gap-fill move.
 const STARTS: usize = 24;
 /// Free paths that are compared.
 const WAYS: usize = 4;
-/// Longest gap-fill move, against the major semi-axis.
-const REACH: f64 = 3.0;
-
 /// Gaps searched side by side: enough for any number of threads, and what they may cover fits the
 /// memory.
 const BATCH: usize = 64;
 
 /// Fills the gaps that `passes` leave in the region bounded by `walls`, with gap-fill moves that gain
-/// at least the area that their time is worth (any, if there is no price).
+/// more than the area that their time is worth.
 pub fn fill_gaps(
     passes: &mut [LayerPass],
     aperture: &Aperture,
     walls: &EdgeIndex,
-    price: Option<&AreaPrice>,
+    price: &AreaPrice,
 ) {
     if passes.iter().all(|pass| pass.placements.is_empty()) {
         return;
@@ -74,7 +70,7 @@ pub fn fill_gaps(
                 .collect();
             for (gap, ways) in gaps.iter().zip(found) {
                 // Gap-fill moves of this round may have closed the gap already.
-                if let Some(fill) = best_of(ways, &raster, aperture, price) {
+                if let Some(fill) = best_of(ways, &raster, price) {
                     raster.cover(&fill.footprint);
                     moves.push(fill);
                 } else {
@@ -90,7 +86,7 @@ pub fn fill_gaps(
     }
 }
 
-/// An gap-fill move from a placement of a pass.
+/// A gap-fill move from a placement of a pass.
 struct GapFillMove {
     pass: usize,
     after: usize,
@@ -100,18 +96,11 @@ struct GapFillMove {
 }
 
 /// The gap-fill move with the largest net gain, if any is worth its path.
-fn best_of(
-    moves: Vec<GapFillMove>,
-    raster: &GapRaster,
-    aperture: &Aperture,
-    price: Option<&AreaPrice>,
-) -> Option<GapFillMove> {
+fn best_of(moves: Vec<GapFillMove>, raster: &GapRaster, price: &AreaPrice) -> Option<GapFillMove> {
     let mut best: Option<(f64, GapFillMove)> = None;
     for fill in moves {
-        let worth_mm2 = price.map_or(0.0, |price| price.of_gap_fill_mm2(&fill.fill));
-        let net = raster.net_mm2(&fill.footprint) - worth_mm2;
-        let least = NET_SHARE_MIN * aperture.area_mm2();
-        if net > best.as_ref().map_or(least, |b| b.0) {
+        let net = raster.net_mm2(&fill.footprint) - price.of_gap_fill_mm2(&fill.fill);
+        if net > best.as_ref().map_or(0.0, |b| b.0) {
             best = Some((net, fill));
         }
     }
@@ -127,7 +116,7 @@ struct Starts {
 
 impl Starts {
     fn of(passes: &[LayerPass], aperture: &Aperture) -> Starts {
-        let reach_mm = REACH * aperture.major_mm();
+        let reach_mm = LENGTH_SHARE * aperture.major_mm();
         let all = passes.iter().enumerate().flat_map(|(p, pass)| {
             let placements = pass.placements.iter().enumerate();
             placements.map(move |(i, placement)| (placement.at.center, (p, i)))
@@ -210,6 +199,7 @@ mod tests {
     use crate::geometry::clearance::is_inside;
     use crate::geometry::test_shapes::{self, ELLIPSE as APERTURE};
     use crate::plan::pass::test_passes::run;
+    use crate::settings::Settings;
 
     fn walls(width: f64, height: f64) -> EdgeIndex {
         test_shapes::walls(&[&[[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]])
@@ -218,6 +208,10 @@ mod tests {
     /// A pass along y = 0.6 with the major axis across the travel: it covers y up to 1.2.
     fn pass(length: f64) -> LayerPass {
         run([0.3, 0.6], [length - 0.3, 0.6])
+    }
+
+    fn price() -> AreaPrice {
+        AreaPrice::of(&Settings::default())
     }
 
     fn covered_pct(passes: &[LayerPass], walls: &EdgeIndex) -> f64 {
@@ -232,7 +226,7 @@ mod tests {
         let mut passes = vec![pass(6.0)];
         let before = covered_pct(&passes, &walls);
         let original = passes[0].placements.clone();
-        fill_gaps(&mut passes, &APERTURE, &walls, None);
+        fill_gaps(&mut passes, &APERTURE, &walls, &price());
         let after = covered_pct(&passes, &walls);
         assert!(after > before + 8.0, "{before} {after}");
         let placements = &passes[0].placements;
@@ -259,9 +253,9 @@ mod tests {
     fn a_full_bar_stays_as_it_is() {
         let walls = walls(3.0, 1.2);
         let mut passes = vec![pass(3.0)];
-        fill_gaps(&mut passes, &APERTURE, &walls, None);
+        fill_gaps(&mut passes, &APERTURE, &walls, &price());
         let count = passes[0].placements.len();
-        fill_gaps(&mut passes, &APERTURE, &walls, None);
+        fill_gaps(&mut passes, &APERTURE, &walls, &price());
         assert_eq!(passes[0].placements.len(), count);
     }
 }

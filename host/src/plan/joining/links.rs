@@ -22,8 +22,6 @@ use std::collections::BTreeMap;
 pub const LENGTH_SHARE: f64 = 3.6;
 /// The same between two lines of an infill, whose ends are far apart along a wall at a low angle.
 const LINE_LENGTH_SHARE: f64 = 10.0;
-/// Largest area of other beads that a link may cover again, relative to the aperture's area.
-const AGAIN_SHARE_MAX: f64 = 2.0;
 /// Path at either end whose area a link may cover, relative to a.
 const OWN_SHARE: f64 = 2.0;
 /// Largest turn of the heading on a link or a bridge, rad.
@@ -106,9 +104,6 @@ pub fn link(
     let own_end = stretch(before.placements().rev(), reach_mm);
     let own_start = stretch(next.placements(), reach_mm);
     let recovered_mm2 = nearby.recovered_mm2([own_end, own_start], &way);
-    if !lines && recovered_mm2 > AGAIN_SHARE_MAX * aperture.area_mm2() {
-        return None;
-    }
     let placement = |at| Placement {
         at,
         feasible: true,

@@ -428,7 +428,7 @@ impl<'a> RegionJob<'a> {
         let before = count(passes);
         let price = AreaPrice::of(self.settings).times(price_share);
         let walls = self.filled_to.as_ref().unwrap_or(self.ground.walls);
-        fill_gaps(passes, &self.settings.aperture, walls, Some(&price));
+        fill_gaps(passes, &self.settings.aperture, walls, &price);
         count(passes) != before
     }
 }

@@ -8,10 +8,6 @@ use crate::plan::pass::Contact;
 
 /// Entries of a table for each contact.
 const ENTRIES_PER_CONTACT: usize = 2;
-/// Lateral offset of a run on the axis per mm of path: what bends more is a corner, where sliding
-/// off the walls does better.
-const BEND_MAX: f64 = 0.1;
-
 /// Contacts with their values at equal steps along the run.
 pub struct Along<'a> {
     contacts: &'a [Contact],
@@ -71,10 +67,8 @@ impl<'a> Along<'a> {
         let [x, y] = self.axis_mm.each_ref();
         let there = self.entry(x, i, along_mm).zip(self.entry(y, i, along_mm));
         let Contact { point, normal, .. } = self.contacts[i];
-        let most_mm = BEND_MAX * along_mm.abs();
         there.map_or(0.0, |(x, y)| {
-            let aside_mm = normal.x * (x - point.x) + normal.y * (y - point.y);
-            aside_mm.clamp(-most_mm, most_mm)
+            normal.x * (x - point.x) + normal.y * (y - point.y)
         })
     }
 
