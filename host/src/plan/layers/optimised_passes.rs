@@ -369,7 +369,7 @@ const ROUNDING: usize = 80;
 /// Iterations that a quality pays for, and once more where gap-fill moves were added.
 fn iterations(quality: Quality) -> [usize; 2] {
     match quality {
-        Quality::Fast => [6, 6],
+        Quality::Fast => [10, 10],
         Quality::Standard => [16, 16],
         Quality::Fine => [24, 36],
     }
