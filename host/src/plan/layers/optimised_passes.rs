@@ -453,7 +453,7 @@ const WORSE_MAX: f64 = 1.02;
 /// Iterations that a quality pays for, once more where gap-fill moves were added, and from the passes of the layer next to it.
 fn iterations(quality: Quality) -> [usize; 3] {
     match quality {
-        Quality::Fast => [6, 6, 4],
+        Quality::Fast => [10, 10, 4],
         Quality::Standard => [16, 16, 6],
         Quality::Fine => [24, 36, 12],
     }
