@@ -19,6 +19,7 @@ use std::ops::Range;
 /// Shares of the limits that are aimed at: the fit of the new motion overshoots by the rest.
 const SPEED_AIM: f64 = 0.998;
 const ACCELERATION_AIM: f64 = 0.978;
+const JERK_AIM: f64 = 0.92;
 /// Longest piece between two places.
 const PIECE_TICKS: f64 = 5.0;
 /// Most that one round slows or speeds up, as b.
@@ -150,7 +151,7 @@ impl WindowRows {
                 1.5 * knot_hz * second,
                 0.5 * knot_hz * knot_hz * first,
             ];
-            self.push_both(weights, limit.jerk_max * ACCELERATION_AIM, true);
+            self.push_both(weights, limit.jerk_max * JERK_AIM, true);
         }
     }
 
