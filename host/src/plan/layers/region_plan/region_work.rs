@@ -23,7 +23,7 @@ use crate::plan::joining::printed_order::{RegionPasses, in_printing_order, spars
 use crate::plan::layers::inside::Inside;
 use crate::plan::layers::inside_ground::InsideGround;
 use crate::plan::layers::one_heading::least_costly;
-use crate::plan::layers::optimised_passes::{FinishedPasses, Ground, PassCurve, RegionJob};
+use crate::plan::layers::optimised_passes::{FinishedPasses, Ground, RegionJob};
 use crate::plan::layers::region_plan::RegionPlan;
 use crate::plan::layers::region_plan::warm_start::{PlacedWalls, WarmStart};
 use crate::plan::outline::contour::Contour;
