@@ -349,7 +349,7 @@ mod tests {
             let first = planned(&plate(0.0, 0.0, [0.0; 2]), &settings, &[]);
             for (by_mm, turn_rad, shift) in [
                 (0.02, 0.0, [0.0, 0.0]),
-                (-0.05, 0.02, [0.3, -0.2]),
+                (-0.02, 0.02, [0.3, -0.2]),
                 (0.01, 3.1, [70.0, -0.2]),
             ] {
                 let outline = plate(by_mm, turn_rad, shift);
