@@ -112,8 +112,8 @@ impl PathSample {
         self.joint_first[joint].abs() > 1e-9 || self.joint_second[joint].abs() > 1e-9
     }
 
-    /// Largest u̇ that every speed limit (and the jerk of the path's shape) allows.
-    pub fn rate_max(&self, limits: &MotionLimits) -> f64 {
+    /// Largest u̇ that every speed limit (and the jerk of the path's shape) allows, times `scale`.
+    pub fn rate_max(&self, limits: &MotionLimits, scale: f64) -> f64 {
         let mut inverse: f64 = self.tip_speed_mm / limits.tip_speed_at_mm_s(self.u);
         let joints = limits.bounded([&self.joint_first, &self.joint_third]);
         for (limit, [first, third]) in joints {
@@ -122,17 +122,17 @@ impl PathSample {
             inverse = inverse.max((third.abs() / limit.jerk_max).cbrt());
         }
         inverse = inverse.max(self.volume_first_mm3.abs() / limits.flow_rate_max_mm3_s());
-        1.0 / inverse.max(1e-9)
+        scale / inverse.max(1e-9)
     }
 
     /// Fastest that the tip or a joint may go here, mm/s or rad/s.
     pub fn fastest(&self, limits: &MotionLimits) -> f64 {
         let joints = self.joint_first.iter().map(|first| first.abs());
-        self.rate_max(limits) * joints.fold(self.tip_speed_mm, f64::max)
+        self.rate_max(limits, 1.0) * joints.fold(self.tip_speed_mm, f64::max)
     }
 
-    /// Fills the acceleration constraints; returns how many.
-    pub fn rows(&self, limits: &MotionLimits, rows: &mut [Row; ROWS_MAX]) -> usize {
+    /// Fills the acceleration constraints, bounds times `scale`; returns how many.
+    pub fn rows(&self, limits: &MotionLimits, scale: f64, rows: &mut [Row; ROWS_MAX]) -> usize {
         let mut count = 0;
         let mut push = |a: f64, b: f64, c: f64| {
             // Rows that cannot bind (a joint at rest) are dropped.
@@ -141,7 +141,7 @@ impl PathSample {
                 rows[count] = Row {
                     a: sign * a,
                     b: sign * b,
-                    c,
+                    c: c * scale,
                 };
                 count += 1;
             }

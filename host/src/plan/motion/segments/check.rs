@@ -65,6 +65,9 @@ pub const JERK_RATIO_MAX: f64 = 1.01;
 const BETWEEN_SHARE: f64 = 1e-4;
 /// By how much a span that the controller would refuse is slowed in one round.
 const REFUSED_SLOWING: f64 = 1.05;
+/// Largest jerk ratio that one round answers: jerk decreases faster than required.
+const JERK_RATIO_ANSWERED: f64 = 3.0;
+
 impl Piece {
     /// True where no limit is exceeded; the jerk may be omitted.
     pub fn is_kept(&self, with_jerk: bool) -> bool {
@@ -83,7 +86,7 @@ impl Piece {
                 0.0
             }
         };
-        let jerk = needed(self.ratios.jerk, JERK_RATIO_MAX).cbrt();
+        let jerk = needed(self.ratios.jerk.min(JERK_RATIO_ANSWERED), JERK_RATIO_MAX).cbrt();
         (
             needed(self.ratios.speed, RATIO_MAX).max(jerk),
             needed(self.ratios.acceleration, RATIO_MAX).max(jerk * jerk),

@@ -20,6 +20,9 @@ use rayon::prelude::*;
 const TOLERANCE_SHARE: f64 = 0.5;
 /// Width of the bead by which the volume's tolerance goes, of the aperture's unit: the widest of the built-in nozzle.
 const BEAD_WIDTH: f64 = 1.2;
+/// An error along the path only shifts the motion in time; this many tolerances of it are let pass.
+const ALONG_FACTOR: f64 = 4.0;
+
 /// Largest error of each channel, natural units, for a ratio of 1. The volume's is the volume of a bead over
 /// the tip's tolerance.
 pub fn channel_tolerances(settings: &Settings) -> [f64; CHANNELS] {
@@ -33,16 +36,48 @@ pub fn channel_tolerances(settings: &Settings) -> [f64; CHANNELS] {
     of
 }
 
-/// Square of the error against the tolerance.
+/// Square of the error against the tolerance once the shift along the path is taken out of it; at
+/// least `least`.
 #[inline]
-fn error_ratio2(error: &[f64; CHANNELS], per_tolerance: &[f64; CHANNELS]) -> f64 {
-    let scaled: [f64; CHANNELS] = std::array::from_fn(|c| error[c] * per_tolerance[c]);
-    let tip = scaled[0] * scaled[0] + scaled[1] * scaled[1] + scaled[2] * scaled[2];
-    let tilt = scaled[CHANNEL_TILT_X].powi(2) + scaled[CHANNEL_TILT_Y].powi(2);
+fn error_ratio2(
+    error: &[f64; CHANNELS],
+    tangent: impl Fn() -> [f64; CHANNELS],
+    per_tolerance: &[f64; CHANNELS],
+    least: f64,
+) -> f64 {
+    let mut scaled = *error;
+    for (value, per_tolerance) in scaled.iter_mut().zip(per_tolerance) {
+        *value *= per_tolerance;
+    }
+    // Taking the shift out makes no error larger than all of it is.
+    let all2 = scaled.iter().map(|v| v * v).sum::<f64>();
+    if all2 < SURE_SHARE * least {
+        return least;
+    }
+    let mut along = tangent();
+    for (value, per_tolerance) in along.iter_mut().zip(per_tolerance) {
+        *value *= per_tolerance;
+    }
+    let norm2 = along.iter().map(|v| v * v).sum::<f64>();
+    let mut rest = scaled;
+    if norm2 > 1e-12 {
+        let dot: f64 = scaled.iter().zip(&along).map(|(e, t)| e * t).sum();
+        let bound = ALONG_FACTOR / norm2.sqrt();
+        let shift = (dot / norm2).clamp(-bound, bound);
+        for (value, tangent) in rest.iter_mut().zip(&along) {
+            *value -= shift * tangent;
+        }
+    }
+    let tip = rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2];
+    let tilt = rest[CHANNEL_TILT_X].powi(2) + rest[CHANNEL_TILT_Y].powi(2);
     tip.max(tilt)
-        .max(scaled[CHANNEL_HEADING].powi(2))
-        .max(scaled[CHANNEL_VOLUME].powi(2))
+        .max(rest[CHANNEL_HEADING].powi(2))
+        .max(rest[CHANNEL_VOLUME].powi(2))
+        .max(least)
 }
+
+/// Far below 1 by rounding.
+const SURE_SHARE: f64 = 1.0 - 1e-9;
 
 /// Weight of the squared acceleration error by the span's duration to the fourth: an error that
 /// swings once a span has (2 pi)^4 = 1560 times its square in it, so this lets both count.
@@ -388,7 +423,7 @@ pub fn span_errors(
                 for c in 0..CHANNELS {
                     error[c] = c0[c] + at * (c1[c] + at * (c2[c] + at * c3[c])) - value[c];
                 }
-                worst = worst.max(error_ratio2(&error, &per_tolerance));
+                worst = error_ratio2(&error, || path.tangent(k), &per_tolerance, worst);
             }
             worst.sqrt()
         })
@@ -449,5 +484,22 @@ mod tests {
         let (coarse, fine) = (worst(10), worst(20));
         // Theory says 16; the rests at the ends take some of it.
         assert!(coarse > 8.0 * fine && fine > 0.0, "{coarse} {fine}");
+    }
+
+    #[test]
+    fn a_shift_along_the_path_is_no_error_but_one_across_is() {
+        let mut tangent = [0.0; CHANNELS];
+        tangent[0] = 30.0;
+        let per_tolerance = [1e4; CHANNELS];
+        let mut error = [0.0; CHANNELS];
+        error[0] = 3e-4;
+        let ratio =
+            |error: &[f64; CHANNELS]| error_ratio2(error, || tangent, &per_tolerance, 0.0).sqrt();
+        assert!(ratio(&error) < 1e-9);
+        // What exceeds ALONG_FACTOR tolerances counts.
+        error[0] = 6e-4;
+        assert!((ratio(&error) - 2.0).abs() < 1e-9);
+        error[1] = 2.5e-4;
+        assert!((ratio(&error) - 10.25f64.sqrt()).abs() < 1e-9);
     }
 }

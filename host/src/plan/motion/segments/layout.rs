@@ -33,6 +33,9 @@ const HALVING_ROUNDS: usize = 8;
 const ERROR_AIM: f64 = 0.65;
 /// Least and largest factor by which spans may become denser in one round of spreading.
 const DENSER: [f64; 2] = [0.4, 2.0];
+/// Error that a span of an earlier layout may grow to, below the permitted one ([`ERROR_MAX`]):
+/// cutting it would expose to the limits what the path does within a few milliseconds.
+const ERROR_KEPT: f64 = 1.75;
 /// Error of the fit, relative to its share of the tolerance, that slows the motion down: the full
 /// tolerance with a margin for the error between ticks.
 pub const ERROR_MAX: f64 = 1.8;
@@ -330,7 +333,7 @@ pub fn lay_out_again(
         layout: before,
         spans,
     };
-    Layout::new(path, &durations, tolerances, Some(&before)).refined(path, tolerances, ERROR_MAX)
+    Layout::new(path, &durations, tolerances, Some(&before)).refined(path, tolerances, ERROR_KEPT)
 }
 
 /// Cuts the spans beyond `error_max` in two; `None` if there are none. With the durations it gives

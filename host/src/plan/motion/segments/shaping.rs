@@ -17,12 +17,17 @@ use crate::plan::motion::joint_limits::{MotionLimits, tip_mm};
 use crate::plan::motion::motion_error::MotionError;
 use crate::plan::motion::path_samples::{PathSample, sample_path, tip_way_mm};
 use crate::plan::motion::time_law::{
-    TimeLaw, check_duration, coarseness, time_law, without_jerk_s,
+    Shares, TimeLaw, check_duration, coarseness, time_law, without_jerk_s,
 };
 use crate::plan::route::moves::{MoveEvent, RouteMove};
 use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 
+/// Share of the speed limits that the time law aims at: what quantisation and fit add.
+const TIME_LAW_SPEED_AIM: f64 = 0.9985;
+/// Share of the acceleration limits that the time law aims at: the fit overshoots at corners of
+/// the acceleration.
+const TIME_LAW_ACCELERATION_AIM: f64 = 0.97;
 /// Rounds of retiming: the third brings 1 %, more trade one place for another.
 const RETIMING_ROUNDS: usize = 3;
 /// Rounds of local stretching of the time.
@@ -255,8 +260,12 @@ impl Shaping<'_> {
     }
 
     fn first_timing(&self, samples: Vec<PathSample>) -> Result<FirstTiming, MotionError> {
+        let aims = Shares {
+            speed: TIME_LAW_SPEED_AIM,
+            acceleration: TIME_LAW_ACCELERATION_AIM,
+        };
         let least_s = self.route_move.dwell_s;
-        let mut law = time_law(&samples, self.limits, least_s, self.begin_mm())?;
+        let mut law = time_law(&samples, self.limits, aims, least_s, self.begin_mm())?;
         law.pad_to(layout::MOVING_TICKS_MIN);
         Ok(FirstTiming {
             law,

@@ -87,6 +87,11 @@ impl<'a> TickPath<'a> {
         let places = &self.u_at_tick[*ticks.start()..end];
         values.extend(places.iter().map(|&u| self.at(u)));
     }
+
+    /// Derivative by the path parameter at a tick.
+    pub fn tangent(&self, tick: usize) -> [f64; CHANNELS] {
+        self.curve.tangent(self.u_at_tick[tick])
+    }
 }
 
 #[cfg(test)]

@@ -13,6 +13,15 @@ use crate::plan::motion::joint_limits::MotionLimits;
 use crate::plan::motion::motion_error::MotionError;
 use crate::plan::motion::path_samples::{PathSample, tip_way_mm};
 
+/// Shares of the limits that are aimed at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shares {
+    /// Of every speed limit.
+    pub speed: f64,
+    /// Of every acceleration limit.
+    pub acceleration: f64,
+}
+
 /// The motion along one move.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimeLaw {
@@ -75,7 +84,7 @@ pub fn coarseness(samples: &[PathSample], limits: &MotionLimits) -> u16 {
         if 2.0 * fastest > most {
             return 1;
         }
-        seconds += (next.u - sample.u) / sample.rate_max(limits);
+        seconds += (next.u - sample.u) / sample.rate_max(limits, 1.0);
     }
     let ticks = seconds * limits.servo_hz;
     let mut coarse = 1;
@@ -123,7 +132,11 @@ pub fn without_jerk_s(samples: &[PathSample], limits: &MotionLimits) -> f64 {
     for joint in limits.joints.iter_mut().chain(motor) {
         joint.jerk_max = f64::INFINITY;
     }
-    let rate = reachability::fastest_rates(samples, &limits);
+    let all = Shares {
+        speed: 1.0,
+        acceleration: 1.0,
+    };
+    let rate = reachability::fastest_rates(samples, &limits, all);
     let u: Vec<f64> = samples.iter().map(|sample| sample.u).collect();
     smoothing::duration_s(&u, &rate)
 }
@@ -132,10 +145,11 @@ pub fn without_jerk_s(samples: &[PathSample], limits: &MotionLimits) -> f64 {
 pub fn time_law(
     samples: &[PathSample],
     limits: &MotionLimits,
+    aims: Shares,
     duration_min_s: f64,
     from_mm: [f64; 3],
 ) -> Result<TimeLaw, MotionError> {
-    let rate = reachability::fastest_rates(samples, limits);
+    let rate = reachability::fastest_rates(samples, limits, aims);
     let u: Vec<f64> = samples.iter().map(|sample| sample.u).collect();
     let window_ticks = smoothing_ticks(samples, limits);
     let tick_s = 1.0 / limits.servo_hz;

@@ -7,6 +7,7 @@
 //! is constant in a cell and meets the constraints at both of its ends, which keeps the profile
 //! smooth where a joint is at rest (their "interpolation" scheme).
 
+use super::Shares;
 use crate::plan::motion::joint_limits::MotionLimits;
 use crate::plan::motion::path_samples::{PathSample, ROWS_MAX, Row};
 use rayon::prelude::*;
@@ -19,9 +20,9 @@ struct Rows {
 }
 
 impl Rows {
-    fn new(sample: &PathSample, limits: &MotionLimits) -> Self {
+    fn new(sample: &PathSample, limits: &MotionLimits, scale: f64) -> Self {
         let mut rows = [Row::default(); ROWS_MAX];
-        let count = sample.rows(limits, &mut rows);
+        let count = sample.rows(limits, scale, &mut rows);
         Self { rows, count }
     }
 
@@ -153,11 +154,16 @@ const CELLS_AT_ONCE: usize = 4096;
 const SAMPLES_MIN: usize = 128;
 
 /// The cells from each of these samples to the next.
-fn cells(samples: &[PathSample], limits: &MotionLimits, range: Range<usize>) -> Vec<Cell> {
+fn cells(
+    samples: &[PathSample],
+    limits: &MotionLimits,
+    aims: Shares,
+    range: Range<usize>,
+) -> Vec<Cell> {
     let rows: Vec<Rows> = (range.start..range.end + 1)
         .into_par_iter()
         .with_min_len(SAMPLES_MIN)
-        .map(|i| Rows::new(&samples[i], limits))
+        .map(|i| Rows::new(&samples[i], limits, aims.acceleration))
         .collect();
     let pairs = rows.par_windows(2).zip(range).with_min_len(SAMPLES_MIN);
     pairs
@@ -165,19 +171,19 @@ fn cells(samples: &[PathSample], limits: &MotionLimits, range: Range<usize>) -> 
         .collect()
 }
 
-/// Largest u̇ at every sample (0 at both ends) within the limits.
-pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits) -> Vec<f64> {
+/// Largest u̇ at every sample (0 at both ends) within the limits times these shares.
+pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits, aims: Shares) -> Vec<f64> {
     let last = samples.len() - 1;
     let mut x_max: Vec<f64> = (0..samples.len())
         .into_par_iter()
         .with_min_len(SAMPLES_MIN)
-        .map(|i| samples[i].rate_max(limits).powi(2))
+        .map(|i| samples[i].rate_max(limits, aims.speed).powi(2))
         .collect();
     x_max[last] = 0.0;
     let blocks = || (0..last).step_by(CELLS_AT_ONCE);
     let block = |from: usize| from..(from + CELLS_AT_ONCE).min(last);
     for from in blocks().rev() {
-        let cells = cells(samples, limits, block(from));
+        let cells = cells(samples, limits, aims, block(from));
         for (i, cell) in block(from).zip(&cells).rev() {
             x_max[i] = cell.largest_controllable(x_max[i], x_max[i + 1]);
         }
@@ -185,7 +191,7 @@ pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits) -> Vec<f64> 
     x_max[0] = 0.0;
     let mut x = 0.0;
     for from in blocks() {
-        let cells = cells(samples, limits, block(from));
+        let cells = cells(samples, limits, aims, block(from));
         for (i, cell) in block(from).zip(&cells) {
             (x_max[i], x) = cell.advanced(x, x_max[i + 1]);
             x_max[i + 1] = x;
@@ -207,7 +213,11 @@ mod tests {
     fn rates(curve: &PathCurve) -> (Vec<f64>, Vec<f64>, Vec<PathSample>, MotionLimits) {
         let limits = MotionLimits::of(&Settings::default(), MotionState::Print).unwrap();
         let samples = sample_path(curve, &limits).unwrap();
-        let rate = fastest_rates(&samples, &limits);
+        let aims = Shares {
+            speed: 1.0,
+            acceleration: 1.0,
+        };
+        let rate = fastest_rates(&samples, &limits, aims);
         let u = samples.iter().map(|sample| sample.u).collect();
         (u, rate, samples, limits)
     }
@@ -306,9 +316,9 @@ mod tests {
         for i in 0..u.len() - 1 {
             let acceleration =
                 (rate[i + 1] * rate[i + 1] - rate[i] * rate[i]) / (2.0 * (u[i + 1] - u[i]));
-            let mut tightest = rate[i] / samples[i].rate_max(&limits);
+            let mut tightest = rate[i] / samples[i].rate_max(&limits, 1.0);
             for (sample, rate) in [(&samples[i], rate[i]), (&samples[i + 1], rate[i + 1])] {
-                for row in Rows::new(sample, &limits).as_slice() {
+                for row in Rows::new(sample, &limits, 1.0).as_slice() {
                     let used = (row.a * acceleration + row.b * rate * rate).abs() / row.c;
                     assert!(used <= 1.0 + 1e-9, "sample {i}: {used}");
                     tightest = tightest.max(used);
