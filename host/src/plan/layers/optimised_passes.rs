@@ -24,7 +24,7 @@ use std::sync::Arc;
 const TWICE_SHARE: f64 = 0.5;
 /// Prices of ground by which gap-fill moves are added, against that of the objective. Where little is open the first: it
 /// was not worth its seconds to the optimiser, and where it pays at half the price the topology lacks a bead. Else the
-/// others, until little is.
+/// second, and the last where that leaves more than twice as much.
 const FILL_SHARES: [f64; 3] = [0.5, 1.0, 4.0];
 /// Share of the area that counts as little: in a part as small as the aperture, or with a round nozzle, the area
 /// that beads cannot reach is larger.
@@ -322,7 +322,7 @@ impl<'a> RegionJob<'a> {
             let again = self.run(&mut begun, &Effort::cold(again), None);
             take(&mut passes, &mut begun);
             reached = again.or(reached);
-            if again.is_some_and(|again| is_little(again.open_mm2)) {
+            if again.is_some_and(|again| is_little(0.5 * again.open_mm2)) {
                 break;
             }
         }
