@@ -448,8 +448,9 @@ fn thin_parts_that_vanish_are_named() {
     let output = headway(&["plan", path(&file), "-o", path(&job), "--json"]);
     let figures = object(&output);
     let largest_mm2 = figures["open_largest_mm2"].as_f64().expect("a figure");
-    // What reaches into the wing from the bar is less than a bead's width; cells are 0.01 mm.
-    assert!((largest_mm2 - 1.8).abs() < 0.1, "{largest_mm2}");
+    // What reaches into the wing from the bar is less than a bead's width, and so is what stays open in the bar beside its
+    // mouth; cells are 0.01 mm.
+    assert!((1.7..1.95).contains(&largest_mm2), "{largest_mm2}");
     let said = stderr(&output);
     let note = said.lines().find(|line| line.contains("stay open"));
     let note = note.unwrap_or_else(|| panic!("{said}"));
@@ -457,9 +458,9 @@ fn thin_parts_that_vanish_are_named() {
         note.contains("2 places") && note.contains("1.50 mm² near (2."),
         "{note}"
     );
-    // The middle of the wing, to a raster cell.
+    // The middle of the wing.
     assert!(
-        note.contains("near (15.0") || note.contains("near (14.99"),
+        note.contains("near (15.0") || note.contains("near (14.9"),
         "{note}"
     );
 }
@@ -494,7 +495,7 @@ fn thin_parts_that_vanish_are_named_with_walls_on_all_layers() {
     let output = headway(&[&plan[..], &walls, &layers].concat());
     let figures = object(&output);
     let largest_mm2 = figures["open_largest_mm2"].as_f64().expect("a figure");
-    assert!((largest_mm2 - 1.8).abs() < 0.1, "{largest_mm2}");
+    assert!((1.7..1.95).contains(&largest_mm2), "{largest_mm2}");
     let said = stderr(&output);
     let note = said.lines().find(|line| line.contains("stay open"));
     let note = note.unwrap_or_else(|| panic!("{said}"));
