@@ -454,7 +454,7 @@ const WORSE_MAX: f64 = 1.02;
 fn iterations(quality: Quality) -> [usize; 3] {
     match quality {
         Quality::Fast => [10, 10, 4],
-        Quality::Standard => [16, 16, 6],
+        Quality::Standard => [16, 24, 6],
         Quality::Fine => [24, 36, 12],
     }
 }

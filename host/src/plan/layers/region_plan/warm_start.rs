@@ -359,8 +359,14 @@ mod tests {
                 assert!(!began_from(&alone, &first));
                 let [own_covered, alone_covered] =
                     [&own, &alone].map(|plan| covered(plan, &settings));
+                // Walls beside sparse lines have no fixed inner edge.
+                let less = if settings.infill.is_some() {
+                    0.02
+                } else {
+                    2e-3
+                };
                 assert!(
-                    own_covered.0 > alone_covered.0 - 2e-3,
+                    own_covered.0 > alone_covered.0 - less,
                     "{own_covered:?} {alone_covered:?}"
                 );
                 let longer = own_covered.1 / alone_covered.1;
