@@ -197,9 +197,9 @@ impl Printed {
                     now_s += profile.seconds + planned.rest_s.unwrap_or(0.0);
                     printed.seconds = now_s;
                     let pushed_mm = planned.block.direction[EXTRUDER] * planned.block.length;
-                    // What a dropped move left over, which the next push of filament alone takes along, lays no bead.
-                    let way = planned.block.direction[..EXTRUDER].iter();
-                    let goes = way.map(|d| d.abs()).sum::<f64>() * planned.block.length > 0.005;
+                    let goes = planned.block.direction[..EXTRUDER]
+                        .iter()
+                        .any(|d| *d != 0.0);
                     printed.filament_mm += if goes { pushed_mm } else { 0.0 };
                 }
                 match (planned.of_job, begins.is_empty()) {

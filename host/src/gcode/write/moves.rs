@@ -9,8 +9,9 @@ use super::limits::{AXES, EXTRUDER};
 use super::lines::{EvenHeading, LineTolerances, move_ends};
 use super::poses::Poses;
 use super::{STILL_MM, WriteError, Writer, short};
-use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS};
 use std::io::Write;
+use std::ops::Range;
 
 /// Volume of a bead of 0.1 mm² over 20 µm, mm³.
 const VOLUME_TOLERANCE_MM3: f64 = 0.002;
@@ -20,6 +21,16 @@ const EVEN_FROM_S: f64 = 0.004;
 const LONG_FROM_S: f64 = 0.025;
 /// Time over which moves are counted, s.
 const WINDOW_S: f64 = 0.5;
+
+/// True if two poses are nearer to each other than what a straight move may be off.
+fn is_within(one: &[f64; CHANNELS], other: &[f64; CHANNELS], tolerances: &LineTolerances) -> bool {
+    let away = |channels: Range<usize>| {
+        let squares = channels.map(|channel| (one[channel] - other[channel]).powi(2));
+        squares.sum::<f64>().sqrt()
+    };
+    away(CHANNEL_X..CHANNEL_Z + 1) < tolerances.tip_mm
+        && away(CHANNEL_Z + 1..CHANNEL_VOLUME) < tolerances.turn_rad
+}
 
 impl<W: Write> Writer<'_, W> {
     /// A move of the stream, or a part of it, from tick to tick.
@@ -41,7 +52,7 @@ impl<W: Write> Writer<'_, W> {
             return Ok(());
         }
         let straight = |tick| MoveEnd { tick, arc: None };
-        let ends: Vec<MoveEnd> = match self.arcs {
+        let mut ends: Vec<MoveEnd> = match self.arcs {
             ArcsWritten::None => move_ends(&all, &tolerances)
                 .into_iter()
                 .map(straight)
@@ -49,6 +60,14 @@ impl<W: Write> Writer<'_, W> {
             ArcsWritten::Standing => moves_with_arcs(&all, &tolerances, false),
             ArcsWritten::Turning => moves_with_arcs(&all, &tolerances, true),
         };
+        // A controller that drops moves of a few steps would add it to the push of filament behind it, at another speed.
+        if let [.., before, last] = ends.as_slice()
+            && before.arc.is_none()
+            && last.arc.is_none()
+            && is_within(&all[before.tick], &all[last.tick], &tolerances)
+        {
+            ends.remove(ends.len() - 2);
+        }
         let mut from = 0;
         let area_mm2 = self.filament_mm2();
         for end in ends {
