@@ -304,7 +304,8 @@ impl<'a> RegionJob<'a> {
             });
             return (unchanged.collect(), None);
         };
-        let [_, again, _] = iterations(self.settings.quality);
+        let [_, again, settling] = iterations(self.settings.quality);
+        let mut is_filled = false;
         let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
         let price_shares = match is_little(open_mm2) {
             true => &FILL_SHARES[..1],
@@ -314,6 +315,7 @@ impl<'a> RegionJob<'a> {
             if !self.fill(&mut passes, *price_share) {
                 continue;
             }
+            is_filled = true;
             for (pass, begun) in passes.iter().zip(&mut begun) {
                 if pass.placements.len() != begun.numbers.len() {
                     *begun = self.in_spans(pass);
@@ -325,6 +327,15 @@ impl<'a> RegionJob<'a> {
             if again.is_some_and(|again| is_little(0.5 * again.open_mm2)) {
                 break;
             }
+        }
+        // Curves within a bound stay as they are.
+        if !is_filled && self.settings.wide_beads.width_by_radius_max().is_none() {
+            let effort = Effort {
+                iterations: settling,
+                is_warm: true,
+            };
+            reached = self.run(&mut begun, &effort, None).or(reached);
+            take(&mut passes, &mut begun);
         }
         (self.with_curves(passes, begun), reached)
     }
@@ -450,7 +461,8 @@ const ROUNDING: usize = 80;
 /// What the objective may be, for the area, against the layer that was planned without another's passes.
 const WORSE_MAX: f64 = 1.02;
 
-/// Iterations that a quality pays for, once more where gap-fill moves were added, and from the passes of the layer next to it.
+/// Iterations that a quality pays for, once more where gap-fill moves were added, and from passes that were optimised: those
+/// that get no gap-fill moves, and those of the layer next to it.
 fn iterations(quality: Quality) -> [usize; 3] {
     match quality {
         Quality::Fast => [10, 10, 4],
