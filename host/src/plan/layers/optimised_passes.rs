@@ -466,7 +466,7 @@ const WORSE_MAX: f64 = 1.02;
 fn iterations(quality: Quality) -> [usize; 3] {
     match quality {
         Quality::Fast => [10, 10, 4],
-        Quality::Standard => [16, 24, 6],
+        Quality::Standard => [16, 30, 6],
         Quality::Fine => [24, 36, 12],
     }
 }
