@@ -218,7 +218,8 @@ fn a_modifier_has_its_own_solid_layers() {
         |plan: &PartPlan, layer: u32, what: Use| laid_mm3(plan, layer, what).iter().sum::<f64>();
     let filled = plates(1..2, OwnSettings::default(), vec![half(of(100.0), false)]);
     let filled = planned(&filled, &sparse());
-    near(all(&filled, 1, Use::Solid), filled_mm3, 0.03, "filled");
+    // Where walls end and lines begin is the optimiser's choice: 0.05 mm of it are 1 %.
+    near(all(&filled, 1, Use::Solid), filled_mm3, 0.04, "filled");
     let empty = plates(1..2, OwnSettings::default(), vec![half(of(0.0), false)]);
     let empty = planned(&empty, &sparse());
     let lines = laid_within_mm3(&empty, 1, Use::Sparse, WINDOW_MM);
