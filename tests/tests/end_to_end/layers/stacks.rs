@@ -131,7 +131,8 @@ fn steps_of_four_layers_lie_where_they_should() {
         // On the layer while it is printed, else from half a lift above it to a lift above the next.
         if has_begun && crossed && !on_layer {
             crossings += 1;
-            // The curve rounds the hop's corner by a step of its control points, 24 a lift, and by a few um where it is begun fast.
+            // The curve rounds the hop's corner by a step of its control points, 24 a lift, and a few um more where it is
+            // begun fast.
             let step_mm = settings.lift_mm / 20.0;
             let low_mm = height_of(layer) + 0.5 * settings.lift_mm - step_mm - Z_SLACK_MM;
             let high_mm = height_of(layer + 1) + settings.lift_mm + Z_SLACK_MM;
