@@ -58,14 +58,16 @@ pub fn in_printing_order(
     finish.behind(passes)
 }
 
-/// Joined loops, and the lines of a sparse infill behind them.
+/// Passes, and the lines of a sparse infill behind them; `from` is where the head is if there are none.
 pub fn sparse_lines_behind(
     mut passes: Vec<LayerPass>,
     sparse: Vec<LayerPass>,
     open: &[Region],
+    from: Point2,
     aperture: &Aperture,
 ) -> Vec<LayerPass> {
-    if let (false, Some(from)) = (sparse.is_empty(), last_place(&passes)) {
+    if !sparse.is_empty() {
+        let from = last_place(&passes).unwrap_or(from);
         let sparse = linked_along_walls(sparse, open, aperture);
         passes.extend(ordered(sparse, from, aperture));
     }
@@ -143,11 +145,7 @@ impl Finish<'_> {
             passes.extend(linked(bridges, self.aperture, self.walls));
             from = last_place(&passes).unwrap_or(from);
         }
-        if !self.sparse.is_empty() {
-            let sparse = linked_along_walls(self.sparse, self.open, self.aperture);
-            passes.extend(ordered(sparse, from, self.aperture));
-        }
-        passes
+        sparse_lines_behind(passes, self.sparse, self.open, self.from, self.aperture)
     }
 }
 

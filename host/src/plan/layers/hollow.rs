@@ -64,7 +64,7 @@ struct KnownLayer {
 
 /// The value of a cell, found if it is not known. Nobody waits meanwhile: a thread that finds it may be made to work on another
 /// layer that needs the same.
-fn known(cell: &OnceLock<Vec<Region>>, find: impl FnOnce() -> Vec<Region>) -> &[Region] {
+fn known<T>(cell: &OnceLock<T>, find: impl FnOnce() -> T) -> &T {
     match cell.get() {
         Some(found) => found,
         None => {
@@ -305,18 +305,9 @@ impl<'a> Hollow<'a> {
 
     /// How far a layer's outline is from that of the one below.
     fn apart_mm(&self, layer: usize) -> f64 {
-        let cell = &self.known[layer].apart_mm;
-        let find = || {
-            let found = apart_mm(
-                self.outlines[layer],
-                self.outlines[layer - 1],
-                self.walls_min_mm,
-            );
-            found.unwrap_or(f64::INFINITY)
-        };
-        cell.get().copied().unwrap_or_else(|| {
-            let found = find();
-            *cell.get_or_init(|| found)
+        *known(&self.known[layer].apart_mm, || {
+            let [own, below] = [layer, layer - 1].map(|layer| self.outlines[layer]);
+            apart_mm(own, below, self.walls_min_mm).unwrap_or(f64::INFINITY)
         })
     }
 
@@ -366,7 +357,7 @@ impl<'a> Hollow<'a> {
 
     /// What of a layer inside the walls is solid, and some of what is not inside them.
     pub fn solid(&self, layer: usize) -> &[Region] {
-        known(&self.known[layer].solid, || {
+        known::<Vec<Region>>(&self.known[layer].solid, || {
             let is_alike = |other: usize| self.is_alike(layer, other, self.walls_min_mm);
             exposed_ground(self.outlines, layer, self.shells, is_alike)
         })
@@ -374,7 +365,7 @@ impl<'a> Hollow<'a> {
 
     /// What the walls leave of a layer.
     fn inside(&self, layer: usize) -> &[Region] {
-        known(&self.known[layer].inside, || {
+        known::<Vec<Region>>(&self.known[layer].inside, || {
             self.inside_of(self.outlines[layer])
         })
     }

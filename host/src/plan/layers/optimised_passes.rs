@@ -239,15 +239,10 @@ impl<'a> RegionJob<'a> {
             mut begun,
             cost_s_mm2,
         } = start;
-        let effort = Effort {
-            iterations: iterations(self.settings.quality)[2],
-            is_warm: true,
-        };
-        let reached = self.run(&mut begun, &effort, None)?;
+        let reached = self.settle(&mut passes, &mut begun)?;
         if reached.cost_s > WORSE_MAX * cost_s_mm2 * self.ground_mm2 {
             return None;
         }
-        take(&mut passes, &mut begun);
         let found = self.with_curves(passes, begun);
         let solution = Solution::of(&found, cost_s_mm2)?;
         let known = found.into_iter().map(|known| (known.pass, known.curve));
@@ -258,6 +253,17 @@ impl<'a> RegionJob<'a> {
             cost_s: None,
             solution: Some(solution),
         })
+    }
+
+    /// A few more iterations of passes that were optimised here, or on ground like this.
+    fn settle(&self, passes: &mut [LayerPass], begun: &mut [Begun]) -> Option<Reached> {
+        let effort = Effort {
+            iterations: iterations(self.settings.quality)[2],
+            is_warm: true,
+        };
+        let reached = self.run(begun, &effort, None);
+        take(passes, begun);
+        reached
     }
 
     fn site(&self) -> Site<'_> {
@@ -304,7 +310,7 @@ impl<'a> RegionJob<'a> {
             });
             return (unchanged.collect(), None);
         };
-        let [_, again, settling] = iterations(self.settings.quality);
+        let [_, again, _] = iterations(self.settings.quality);
         let mut is_filled = false;
         let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
         let price_shares = match is_little(open_mm2) {
@@ -330,12 +336,7 @@ impl<'a> RegionJob<'a> {
         }
         // Curves within a bound stay as they are.
         if !is_filled && self.settings.wide_beads.width_by_radius_max().is_none() {
-            let effort = Effort {
-                iterations: settling,
-                is_warm: true,
-            };
-            reached = self.run(&mut begun, &effort, None).or(reached);
-            take(&mut passes, &mut begun);
+            reached = self.settle(&mut passes, &mut begun).or(reached);
         }
         (self.with_curves(passes, begun), reached)
     }

@@ -366,8 +366,8 @@ impl RegionWork {
         }
         let ground = work.ground();
         let mut found = RegionJob::new(&ground, &work.settings).resumed(start.solution)?;
-        let sparse = work.sparse.clone();
-        found.passes = sparse_lines_behind(found.passes, sparse, &work.sparse_open, aperture);
+        let (sparse, from) = (work.sparse.clone(), work.hull.bounds().min);
+        found.passes = sparse_lines_behind(found.passes, sparse, &work.sparse_open, from, aperture);
         found.curves.resize(found.passes.len(), None);
         let is_cut = work.cutter(&found.passes).cut().is_some();
         (!is_cut).then(|| work.with(found))

@@ -37,59 +37,29 @@ pub struct PlacedWalls<'a> {
     pub offset: Vector2,
 }
 
-/// A turn about the origin after a mirroring, and a shift.
-#[derive(Clone, Copy, Debug)]
-struct Move {
-    sign: f64,
-    turn_rad: f64,
-    shift: Vector2,
+/// The move that keeps everything where it is in input coordinates, out of a frame.
+fn in_place(from: &PlacedWalls, to: &PlacedWalls) -> Frame {
+    let place = |p: Point2| {
+        to.frame
+            .point_in(from.frame.point_out(p) + from.offset - to.offset)
+    };
+    Frame {
+        centre: place(Point2::origin()),
+        turn_rad: to.frame.angle_in(from.frame.angle_out(0.0)),
+        is_mirrored: from.frame.is_mirrored != to.frame.is_mirrored,
+    }
 }
 
-impl Move {
-    const NONE: Move = Move {
-        sign: 1.0,
-        turn_rad: 0.0,
-        shift: Vector2::new(0.0, 0.0),
+/// A move followed by a small turn about a place and a shift.
+fn followed_by(first: Frame, about: Point2, turn_rad: f64, shift: Vector2) -> Frame {
+    let turn = Frame {
+        turn_rad,
+        ..Frame::IDENTITY
     };
-
-    /// The one that keeps everything where it is in input coordinates.
-    fn in_place(from: &PlacedWalls, to: &PlacedWalls) -> Move {
-        let place = |p: Point2| {
-            to.frame
-                .point_in(from.frame.point_out(p) + from.offset - to.offset)
-        };
-        let turn = |rad: f64| to.frame.angle_in(from.frame.angle_out(rad));
-        Move {
-            sign: (turn(1.0) - turn(0.0)).signum(),
-            turn_rad: turn(0.0),
-            shift: place(Point2::origin()).coords,
-        }
-    }
-
-    fn vector(&self, v: Vector2) -> Vector2 {
-        let (sin, cos) = self.turn_rad.sin_cos();
-        let y = self.sign * v.y;
-        Vector2::new(v.x * cos - y * sin, v.x * sin + y * cos)
-    }
-
-    fn point(&self, p: Point2) -> Point2 {
-        Point2::from(self.vector(p.coords) + self.shift)
-    }
-
-    fn heading_rad(&self, heading_rad: f64) -> f64 {
-        self.sign * heading_rad + self.turn_rad
-    }
-
-    /// The same followed by a small turn about a centre and a shift.
-    fn followed_by(&self, centre: Point2, turn_rad: f64, shift: Vector2) -> Move {
-        let (sin, cos) = turn_rad.sin_cos();
-        let from = self.shift - centre.coords;
-        let turned = Vector2::new(from.x * cos - from.y * sin, from.x * sin + from.y * cos);
-        Move {
-            turn_rad: self.turn_rad + turn_rad,
-            shift: turned + centre.coords + shift,
-            ..*self
-        }
+    Frame {
+        centre: about + turn.vector_out(first.centre - about) + shift,
+        turn_rad: first.turn_rad + turn_rad,
+        ..first
     }
 }
 
@@ -97,7 +67,8 @@ impl Move {
 struct Fit<'a> {
     from: &'a EdgeIndex,
     to: &'a EdgeIndex,
-    by: Move,
+    /// Out of it a place moves.
+    by: Frame,
 }
 
 /// A planned region, as far as another may start from it.
@@ -120,7 +91,7 @@ impl WarmStart {
         aperture: &Aperture,
     ) -> Option<WarmStart> {
         let apart_max_mm = APART_SHARE * aperture.minor_mm();
-        let starts = [Move::in_place(from, to), Move::NONE];
+        let starts = [in_place(from, to), Frame::IDENTITY];
         let mut fits = starts.iter().filter_map(|&start| {
             let fit = Fit {
                 from: from.walls,
@@ -140,15 +111,15 @@ impl WarmStart {
         let passes = moved.solution.passes.iter_mut();
         for placement in passes.flat_map(|pass| &mut pass.placements) {
             let contact = &mut placement.contact;
-            contact.point = fit.by.point(contact.point);
-            contact.normal = fit.by.vector(contact.normal);
+            contact.point = fit.by.point_out(contact.point);
+            contact.normal = fit.by.vector_out(contact.normal);
         }
         for ring in moved.open.iter_mut().flat_map(Region::rings_mut) {
             for point in &mut ring.points {
                 *point = fit.beside_the_wall(*point);
             }
             // Mirrored, it runs the other way round.
-            if fit.by.sign < 0.0 {
+            if fit.by.is_mirrored {
                 ring.points.reverse();
             }
         }
@@ -170,7 +141,7 @@ impl Fit<'_> {
             let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
             let mut most_mm: f64 = 0.0;
             for &place in &places {
-                let at = self.by.point(place);
+                let at = self.by.point_out(place);
                 let nearest = self.to.nearest(at)?;
                 let across = self.to.edges()[nearest.edge].normal();
                 let arm = at - middle;
@@ -187,9 +158,8 @@ impl Fit<'_> {
             // What the outline does not determine, such as a circle's turn, stays.
             normal += Matrix3::identity() * (1e-6 * normal.trace());
             let step = normal.cholesky()?.solve(&right);
-            self.by = self
-                .by
-                .followed_by(middle, step.x / reach_mm, Vector2::new(step.y, step.z));
+            let shift = Vector2::new(step.y, step.z);
+            self.by = followed_by(self.by, middle, step.x / reach_mm, shift);
         }
         Some(self)
     }
@@ -198,33 +168,29 @@ impl Fit<'_> {
     fn is_within(&self, apart_mm: f64, aperture: &Aperture) -> bool {
         let there = places_on(self.from, usize::MAX, aperture);
         let is_near = |edges: &EdgeIndex, at: Point2| edges.nearest_within(at, apart_mm).is_some();
-        if !there.iter().all(|&p| is_near(self.to, self.by.point(p))) {
+        if !there
+            .iter()
+            .all(|&p| is_near(self.to, self.by.point_out(p)))
+        {
             return false;
         }
-        let back = |p: Point2| {
-            let v = p.coords - self.by.shift;
-            let (sin, cos) = self.by.turn_rad.sin_cos();
-            Point2::new(
-                v.x * cos + v.y * sin,
-                self.by.sign * (v.y * cos - v.x * sin),
-            )
-        };
         let here = places_on(self.to, usize::MAX, aperture);
-        here.iter().all(|&p| is_near(self.from, back(p)))
+        here.iter()
+            .all(|&p| is_near(self.from, self.by.point_in(p)))
     }
 
     /// A control point moved, and then by as much as the wall next to it.
     fn control(&self, control: PlaneControl) -> PlaneControl {
         let at = self.beside_the_wall(Point2::new(control[0], control[1]));
-        [at.x, at.y, self.by.heading_rad(control[2])]
+        [at.x, at.y, self.by.angle_out(control[2])]
     }
 
     fn beside_the_wall(&self, at: Point2) -> Point2 {
         let shift = self.from.nearest(at).and_then(|wall| {
-            let foot = self.by.point(wall.foot);
+            let foot = self.by.point_out(wall.foot);
             Some(self.to.nearest(foot)?.foot - foot)
         });
-        self.by.point(at) + shift.unwrap_or_default()
+        self.by.point_out(at) + shift.unwrap_or_default()
     }
 }
 
