@@ -39,8 +39,8 @@ const ANGLE_PIECES: usize = 90;
 const ANGLE_HALVINGS: usize = 44;
 
 /// A vector of the plane in the frame of a tool at this heading.
-fn to_tool(heading_rad: f64, v: Vector2) -> Vector2 {
-    let (sin, cos) = heading_rad.sin_cos();
+fn to_tool(heading: impl Into<Turn>, v: Vector2) -> Vector2 {
+    let Turn { sin, cos, .. } = heading.into();
     Vector2::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin)
 }
 
@@ -138,10 +138,11 @@ impl Aperture {
     }
 
     /// Support function h(u): extent from the centre in unit direction `direction`, mm.
-    pub fn support_mm(&self, heading_rad: f64, direction: Vector2) -> f64 {
+    pub fn support_mm(&self, heading: impl Into<Turn>, direction: Vector2) -> f64 {
+        let turn = heading.into();
         match self {
-            Aperture::Ellipse { .. } => self.extent_mm(heading_rad, direction),
-            Aperture::Rounded(shape) => shape.support_mm(to_tool(heading_rad, direction)),
+            Aperture::Ellipse { .. } => self.extent_mm(turn, direction),
+            Aperture::Rounded(shape) => shape.support_mm(to_tool(turn, direction)),
         }
     }
 
@@ -149,19 +150,14 @@ impl Aperture {
     /// that is swept across it. Where the shape has 180° symmetry it is h(u).
     #[inline]
     pub fn extent_mm(&self, heading: impl Into<Turn>, direction: Vector2) -> f64 {
-        let Turn {
-            heading_rad,
-            sin,
-            cos,
-        } = heading.into();
+        let turn = heading.into();
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => {
-                let along = direction.x * cos + direction.y * sin;
-                let across = direction.y * cos - direction.x * sin;
-                ((major_mm * along).powi(2) + (minor_mm * across).powi(2)).sqrt()
+                let local = to_tool(turn, direction);
+                ((major_mm * local.x).powi(2) + (minor_mm * local.y).powi(2)).sqrt()
             }
             Aperture::Rounded(shape) => {
-                let local = to_tool(heading_rad, direction);
+                let local = to_tool(turn, direction);
                 let ahead = shape.support_mm(local);
                 if shape.is_symmetric() {
                     ahead
@@ -210,7 +206,7 @@ impl Aperture {
         match self {
             Aperture::Ellipse { .. } => p + self.support_point(turn, normal),
             Aperture::Rounded(shape) => {
-                let towards = to_tool(turn.heading_rad, -normal);
+                let towards = to_tool(turn, -normal);
                 let turned = |by: f64| shape.support_mm(to_plane(by, towards));
                 let beside = (turned(FLAT_RAD) - turned(-FLAT_RAD)) / (2.0 * FLAT_RAD);
                 // Perpendicular of `-normal`, counter-clockwise.

@@ -11,7 +11,7 @@ use super::pose_lanes::{LANES, Lanes};
 use super::sweep::Segment;
 use super::terms::Terms;
 use super::tool_scale::{ToolScale, Tooled};
-use headway_geometry::aperture::Aperture;
+use headway_geometry::aperture::{Aperture, Turn};
 use headway_geometry::edge_index::{Edge, EdgeIndex};
 use headway_geometry::polygon::Box2;
 use headway_geometry::rounded_polygon::RoundedPolygon;
@@ -173,15 +173,14 @@ struct Tool<'a> {
 impl Tool<'_> {
     /// The box of the aperture at a pose, grown by the distance that a span may move before edges are
     /// searched again, mm.
-    fn area(self, pose: &Placed, units: &Units) -> Box2 {
+    fn area(self, pose: &Placed, heading_rad: f64, units: &Units) -> Box2 {
+        let turn = Turn {
+            heading_rad,
+            sin: pose.sin,
+            cos: pose.cos,
+        };
         let reach_mm = |x: f64, y: f64| {
-            let local = Vector2::new(x * pose.cos + y * pose.sin, y * pose.cos - x * pose.sin);
-            let support_mm = match self.aperture {
-                Aperture::Ellipse { major_mm, minor_mm } => {
-                    (major_mm * local.x).hypot(minor_mm * local.y)
-                }
-                Aperture::Rounded(shape) => shape.support_mm(local),
-            };
+            let support_mm = self.aperture.support_mm(turn, Vector2::new(x, y));
             pose.tool.size * support_mm + ACROSS * REACH * self.length_mm
         };
         let [x, y] = pose.tool.center;
@@ -404,7 +403,7 @@ impl<'a> Containment<'a> {
         for basis in places.chain(&self.ends) {
             let at = blend(&basis.value, knots);
             let pose = Placed::at(&at, &self.scale);
-            let own = self.tool.area(&pose, &self.units);
+            let own = self.tool.area(&pose, at[2], &self.units);
             area = Some(area.map_or(own, |area| Box2 {
                 min: area.min.inf(&own.min),
                 max: area.max.sup(&own.max),

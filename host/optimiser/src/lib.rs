@@ -96,7 +96,7 @@ pub struct Objective {
 /// How much work is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Effort {
-    /// Iterations: half of them with soft limits.
+    /// Iterations: six tenths of them with soft limits.
     pub iterations: usize,
     /// The passes solve nearly the same problem: limits are hardened from the first iteration on, so that they keep their
     /// shape.
