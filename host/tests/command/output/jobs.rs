@@ -358,15 +358,17 @@ fn a_bad_line_changes_no_step() {
     let taper = example("taper.json");
     let clean = object(&headway(&["simulate", &taper, "--json"]));
     let link = "drop=0.1,flip=1e-4,dup=0.02";
-    let noisy = object(&headway(&[
-        "simulate", &taper, "--link", link, "--seed", "3", "--json",
-    ]));
-    assert!(
-        noisy["resent_frames"].as_u64() > Some(0),
-        "the line lost nothing"
-    );
-    // Where the queue never ran dry, every step comes at the very same tick.
-    assert_eq!(noisy["underruns"], 0);
-    assert_eq!(clean["step_digest"], noisy["step_digest"]);
-    assert_eq!(clean["final_counts"], noisy["final_counts"]);
+    // A short job is a few dozen frames: one seed alone may lose none of them.
+    let mut resent_frames = 0;
+    for seed in ["1", "2", "3", "4"] {
+        let noisy = object(&headway(&[
+            "simulate", &taper, "--link", link, "--seed", seed, "--json",
+        ]));
+        resent_frames += noisy["resent_frames"].as_u64().expect("a count");
+        // Where the queue never ran dry, every step comes at the very same tick.
+        assert_eq!(noisy["underruns"], 0, "seed {seed}");
+        assert_eq!(clean["step_digest"], noisy["step_digest"], "seed {seed}");
+        assert_eq!(clean["final_counts"], noisy["final_counts"], "seed {seed}");
+    }
+    assert!(resent_frames > 0, "the line lost nothing");
 }
