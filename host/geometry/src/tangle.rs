@@ -34,7 +34,7 @@ pub fn crossings_about(edges: &[Edge]) -> f64 {
 }
 
 /// True where the insides of two edges meet in one point.
-fn crosses(e: &Edge, f: &Edge) -> bool {
+pub fn crosses(e: &Edge, f: &Edge) -> bool {
     let apart = |e0: f64, e1: f64, f0: f64, f1: f64| e0.max(e1) < f0.min(f1);
     if apart(e.a.x, e.b.x, f.a.x, f.b.x)
         || apart(f.a.x, f.b.x, e.a.x, e.b.x)

@@ -7,8 +7,10 @@
 //!
 //! Not covered: speed (`motion`) and volume (`route`).
 
+pub mod curls;
 pub mod detours;
 pub mod even_spans;
 pub mod heading_stops;
 pub mod layer_path;
+pub mod optimised_curve;
 pub mod pushing_inside;

@@ -7,14 +7,16 @@
 use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::place_scale::ScaleField;
-use crate::geometry::plane_curve::{PlaneControl, configuration, curve_at};
+use crate::geometry::plane_curve::PlaneControl;
 use crate::geometry::polygon::Region;
+use crate::plan::curve::curls::without_curls;
 use crate::plan::curve::even_spans::even_spans;
-use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened, whole_inside};
-use crate::plan::curve::pushing_inside::{InsideWalls, strayed_spans};
+use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened};
+use crate::plan::curve::optimised_curve::{checked, placements_on};
+use crate::plan::curve::pushing_inside::InsideWalls;
 use crate::plan::joining::gap_fill::fill_gaps;
 use crate::plan::joining::order::interruption_mm;
-use crate::plan::pass::{LayerPass, PassKind, Placement};
+use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::pose_limits::{AreaPrice, PoseLimits, pose_limits, price_s_mm2};
 use crate::settings::{Quality, Settings};
 use headway_optimiser::{Effort, Objective, OptimisedPass, Outcome, Site, optimise};
@@ -29,10 +31,6 @@ const FILL_SHARES: [f64; 3] = [0.5, 1.0, 4.0];
 /// Share of the area that counts as little: in a part as small as the aperture, or with a round nozzle, the area
 /// that beads cannot reach is larger.
 const OPEN_SHARE: f64 = 0.01;
-/// Largest displacement of a curve that is pushed inside, against b: 50 µm for 0.2 mm, which one pose in a
-/// thousand needs. A curve farther outside is not a residual of the optimiser.
-const MOVED_SHARE: f64 = 0.25;
-
 /// The curve of a pass, if there is one.
 pub type PassCurve = Option<Arc<[PlaneControl]>>;
 
@@ -124,6 +122,16 @@ pub struct Begun {
     numbers: Vec<usize>,
 }
 
+impl Begun {
+    /// Leaves these control points, each a placement of its own.
+    fn keep(&mut self, kept: &[usize]) {
+        let unknown = &mut self.unknown;
+        unknown.control = kept.iter().map(|&i| unknown.control[i]).collect();
+        unknown.log_pace = kept.iter().map(|&i| unknown.log_pace[i]).collect();
+        self.numbers = (0..kept.len()).collect();
+    }
+}
+
 /// A pass that the optimiser knows, when it is done.
 struct KnownPass {
     pass: LayerPass,
@@ -208,10 +216,8 @@ impl<'a> RegionJob<'a> {
 
     /// The passes with gap-fill moves, and their curves.
     pub fn finished(&self, mut all: BegunPasses) -> FinishedPasses {
-        let (known, begun) = (
-            std::mem::take(&mut all.known),
-            std::mem::take(&mut all.begun),
-        );
+        let known = std::mem::take(&mut all.known);
+        let begun = std::mem::take(&mut all.begun);
         let (found, reached) = self.filled(known, begun, all.reached);
         all.reached = reached;
         let cost_s = all.cost_s(self.settings);
@@ -334,11 +340,41 @@ impl<'a> RegionJob<'a> {
                 break;
             }
         }
+        if is_filled {
+            self.uncurl(&mut passes, &mut begun, &mut reached);
+        }
         // Curves within a bound stay as they are.
         if !is_filled && self.settings.wide_beads.width_by_radius_max().is_none() {
             reached = self.settle(&mut passes, &mut begun).or(reached);
         }
         (self.with_curves(passes, begun), reached)
+    }
+
+    /// Leaves out the curls of the passes where the objective is no worse for it.
+    fn uncurl(
+        &self,
+        passes: &mut Vec<LayerPass>,
+        begun: &mut Vec<Begun>,
+        reached: &mut Option<Reached>,
+    ) {
+        let major_mm = self.settings.aperture.major_mm();
+        let (mut own, mut own_begun) = (passes.clone(), begun.clone());
+        let mut has_curls = false;
+        for (pass, begun) in own.iter_mut().zip(&mut own_begun) {
+            if let Some(kept) = without_curls(&begun.unknown.control, major_mm) {
+                has_curls = true;
+                begun.keep(&kept);
+                pass.placements = kept.iter().map(|&i| pass.placements[i]).collect();
+            }
+        }
+        if !has_curls {
+            return;
+        }
+        let settled = self.settle(&mut own, &mut own_begun);
+        let is_better = |settled: &Reached| reached.is_some_and(|r| settled.cost_s <= r.cost_s);
+        if let Some(settled) = settled.filter(is_better) {
+            (*passes, *begun, *reached) = (own, own_begun, Some(settled));
+        }
     }
 
     /// The passes with their curves, where these are inside the walls.
@@ -470,36 +506,4 @@ fn iterations(quality: Quality) -> [usize; 3] {
         Quality::Standard => [16, 30, 6],
         Quality::Fine => [24, 36, 12],
     }
-}
-
-/// The curve where it is inside the walls, or all but; else pushed inside as the curve of any other pass.
-fn checked(control: &[PlaneControl], inside: &InsideWalls) -> Option<Vec<PlaneControl>> {
-    let mut pushed = control.to_vec();
-    let far_mm = MOVED_SHARE * inside.aperture.minor_mm();
-    let is_inside = |curve: &[PlaneControl]| !inside.cutting_spans(curve).contains(&true);
-    let hardly_moved =
-        inside.push(&mut pushed) && !strayed_spans(control, &pushed, far_mm).contains(&true);
-    let found = match hardly_moved {
-        true => Some(pushed),
-        false => whole_inside(control, inside),
-    };
-    found.filter(|curve| is_inside(curve))
-}
-
-/// The poses of a curve where its spans meet, each with the contact of the placement that `begun` has.
-fn placements_on(control: &[PlaneControl], begun: impl Fn(usize) -> Placement) -> Vec<Placement> {
-    let last = control.len() - 1;
-    (0..=last)
-        .map(|i| {
-            let at = match i {
-                i if i == last => control[last],
-                i => curve_at(control, i, 0.0),
-            };
-            Placement {
-                at: configuration(at),
-                feasible: true,
-                ..begun(i)
-            }
-        })
-        .collect()
 }
