@@ -17,8 +17,10 @@ use std::ops::Range;
 
 /// Newton steps; six to eight are usual.
 const STEPS_MAX: usize = 20;
-/// Mean complementarity at which the time is within about 0.3 % of the least.
+/// Mean complementarity at which the time is within about 0.3 % of the least, and where it will be solved anew for a fit
+/// that differs a little.
 const MEAN_END: f64 = 1e-4;
+const MEAN_END_ROUGH: f64 = 0.03;
 /// Violation at which a row counts as kept; the check of the finished segments is exact.
 const VIOLATION_END: f64 = 2e-3;
 /// Largest violation of an accepted result if none was worse before.
@@ -43,6 +45,8 @@ pub struct Window<'a> {
     pub free: Range<usize>,
     /// Squared rate below which a result is rejected.
     pub floor: f64,
+    /// Whether it is solved again for a motion near to this one.
+    pub is_rough: bool,
 }
 
 /// An iterate.
@@ -77,10 +81,14 @@ struct Step {
 pub fn least_time(window: &Window, coefficients: Vec<f64>) -> Option<Vec<f64>> {
     let mut iterate = Iterate::new(window, coefficients);
     let worst_before = iterate.worst_excess();
+    let (mean_end, violation_end) = match window.is_rough {
+        true => (MEAN_END_ROUGH, VIOLATION_MAX),
+        false => (MEAN_END, VIOLATION_END),
+    };
     for _ in 0..STEPS_MAX {
         let step = window.step(&iterate);
         iterate.advance(window, &step);
-        if iterate.mean() < MEAN_END && iterate.worst_excess() < VIOLATION_END {
+        if iterate.mean() < mean_end && iterate.worst_excess() < violation_end {
             break;
         }
     }

@@ -153,7 +153,9 @@ impl Shaping<'_> {
         for round in 0..=retiming_rounds + WARP_ROUNDS {
             let (next, ratios) = if round < retiming_rounds {
                 let least_ticks = self.least_ticks();
-                let u_at_tick = retimed(&layout, &law.u_at_tick, least_ticks, self.limits)?;
+                let is_rough = round + 1 < retiming_rounds;
+                let u_at_tick =
+                    retimed(&layout, &law.u_at_tick, least_ticks, self.limits, is_rough)?;
                 (TimeLaw { u_at_tick }, None)
             } else {
                 let with_jerk = round < retiming_rounds + JERK_ROUNDS;

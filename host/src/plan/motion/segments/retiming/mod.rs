@@ -24,6 +24,8 @@ use std::ops::Range;
 /// Distance of the pace's knots: 7 ms, less than the time in which the heading builds up its
 /// acceleration. With 4 or 5 ms it follows what the fit makes of single spans.
 const KNOT_TICKS: f64 = 14.0;
+/// Sweeps over the windows, the second across the ends of the first.
+const SWEEPS: usize = 2;
 /// Coefficients of a window.
 const WINDOW: usize = 96;
 /// Coefficients between two windows that both hold: a cubic sees four.
@@ -88,12 +90,14 @@ impl PaceGrid {
     }
 }
 
-/// The retimed motion of a layout with u at its ticks, with a minimum number of ticks.
+/// The retimed motion of a layout with u at its ticks, with a minimum number of ticks; `is_rough` where it is fitted and
+/// retimed again.
 pub fn retimed(
     layout: &Layout,
     u_at_tick: &[f64],
     least_ticks: usize,
     limits: &MotionLimits,
+    is_rough: bool,
 ) -> Result<Vec<f64>, MotionError> {
     let spline = &layout.spline;
     let grid = PaceGrid::new(spline.ticks() as f64, limits.servo_hz);
@@ -109,11 +113,12 @@ pub fn retimed(
         limits,
     };
     let mut squared_pace = vec![1.0; grid.count()];
-    for sweep in 0..2 {
+    for sweep in 0..SWEEPS {
         let windows = grid.windows(sweep);
+        let is_rough = is_rough || sweep + 1 < SWEEPS;
         let solved: Vec<Option<Vec<f64>>> = windows
             .par_iter()
-            .map(|free| solved_window(&motion, &grid, &squared_pace, free))
+            .map(|free| solved_window(&motion, &grid, &squared_pace, free, is_rough))
             .collect::<Result<_, MotionError>>()?;
         for (free, solved) in windows.into_iter().zip(solved) {
             if let Some(solved) = solved {
@@ -143,6 +148,7 @@ fn solved_window(
     grid: &PaceGrid,
     squared_pace: &[f64],
     free: &Range<usize>,
+    is_rough: bool,
 ) -> Result<Option<Vec<f64>>, MotionError> {
     let base = free.start.saturating_sub(HELD);
     let coefficients = squared_pace[base..(free.end + HELD).min(squared_pace.len())].to_vec();
@@ -156,6 +162,7 @@ fn solved_window(
         rows: &rows.held,
         free,
         floor: SQUARED_PACE_FLOOR,
+        is_rough,
     };
     Ok(least_time(&window, coefficients))
 }
@@ -230,10 +237,11 @@ mod tests {
         let limits = MotionLimits::of(&settings, MotionState::Print).expect("limits");
         let tolerances = channel_tolerances(&settings);
         let (curve, mut u_at_tick) = turn(TURN_RAD, 1000);
-        for _ in 0..rounds {
+        for round in 1..=rounds {
             let path = TickPath::new(&curve, &u_at_tick);
             let layout = lay_out(&path, &tolerances, 256.0);
-            u_at_tick = retimed(&layout, &u_at_tick, least_ticks, &limits).expect("retimed");
+            u_at_tick = retimed(&layout, &u_at_tick, least_ticks, &limits, round < rounds)
+                .expect("retimed");
             assert_eq!((u_at_tick[0], u_at_tick[u_at_tick.len() - 1]), (0.0, 1.0));
             assert!(u_at_tick.windows(2).all(|pair| pair[1] >= pair[0]));
         }
