@@ -369,6 +369,11 @@ impl<'a> Containment<'a> {
         }
     }
 
+    /// First knots of the spans that have a pose nearer to a wall than the margin, by the last measurement.
+    pub fn short_spans(&self) -> impl Iterator<Item = usize> {
+        self.short.iter().map(|short| short.knot)
+    }
+
     /// A place of a span; those of a pass's ends come last.
     fn basis(&self, place: usize) -> &Basis {
         match place.checked_sub(self.places.len()) {

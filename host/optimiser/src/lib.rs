@@ -37,7 +37,7 @@ use self::ground::Ground;
 use self::motion::Motion;
 use self::moving::moving;
 use self::newton::{Newton, Objectives};
-use self::projection::{POSES_CHECKED, outside_mm, projected};
+use self::projection::{POSES_CHECKED, outside_mm, projected, staying};
 use self::sweep::{Cells, Shape, Sweep, edge_half};
 use self::terms::Terms;
 use self::tool_scale::ToolScale;
@@ -298,11 +298,13 @@ impl Searched {
             let pass = &mut passes[range.pass];
             let own = &knots[range.first..range.end()];
             write_back(own, &self.units, pass);
-            let before_mm = outside_mm(pass, site);
+            let stays = staying(own, range, &mut containment);
+            let before_mm = outside_mm(pass, &stays, site);
             outside[range.pass] = [before_mm; 2];
             if before_mm > 0.0 {
-                write_back(&projected(own, range, &mut containment), &self.units, pass);
-                let after_mm = outside_mm(pass, site);
+                let inside = projected(own, range, &stays, &mut containment);
+                write_back(&inside, &self.units, pass);
+                let after_mm = outside_mm(pass, &stays, site);
                 if after_mm < before_mm {
                     outside[range.pass][1] = after_mm;
                 } else {

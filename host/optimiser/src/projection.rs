@@ -6,7 +6,7 @@
 
 use super::band::System;
 use super::containment::{Containment, Wall};
-use super::curve::{At, CHANNELS, Knot, PassKnots, set_phantoms};
+use super::curve::{At, CHANNELS, Knot, PassKnots, all_stay, set_phantoms};
 use super::newton::prepare;
 use super::terms::Terms;
 use super::{OptimisedPass, Site};
@@ -22,6 +22,13 @@ use headway_geometry::polygon::Box2;
 pub const POSES_CHECKED: usize = 16;
 /// Clearance that is sought, in a: what the path may lose between two poses at a corner that points inside.
 const CLEARANCE: f64 = 1.0 / 2000.0;
+/// Half the squares of what poses miss of that.
+const WALL: Wall = Wall {
+    weight: 1.0,
+    margin: CLEARANCE,
+};
+/// Knots that move on either side of a span with such a pose.
+const BESIDE: usize = 6;
 /// Most steps; three are the rule.
 const ROUNDS: usize = 12;
 /// Half the sum of the squared residuals at which it ends: a thousandth of the margin at any pose.
@@ -34,13 +41,30 @@ const STIFFENING: f64 = 10.0;
 /// Most that a step changes a channel, in a or rad.
 const STEP_MAX: f64 = 0.05;
 
-/// Depth of a pass outside the walls, mm: the deepest of [`POSES_CHECKED`] poses of each span and
+/// The knots of one pass that the projection does not move: all but those beside poses too near to a wall.
+pub fn staying(own: &[Knot], range: &PassKnots, containment: &mut Containment) -> Vec<bool> {
+    let pass = PassKnots { first: 0, ..*range };
+    let at = At {
+        knots: own,
+        passes: std::slice::from_ref(&pass),
+        stays: &[],
+    };
+    containment.measure(&at, &WALL);
+    let mut stays = vec![true; own.len()];
+    for span in containment.short_spans() {
+        let end = own.len().min(span + 4 + BESIDE);
+        stays[span.saturating_sub(BESIDE)..end].fill(false);
+    }
+    stays
+}
+
+/// Depth of a pass outside the walls, mm: the deepest of [`POSES_CHECKED`] poses of each span that does not stay, and
 /// its end.
-pub fn outside_mm(pass: &OptimisedPass, site: &Site) -> f64 {
+pub fn outside_mm(pass: &OptimisedPass, stays: &[bool], site: &Site) -> f64 {
     let (walls, aperture) = (site.walls, site.aperture);
     let spans = pass.control.len().saturating_sub(1);
     let mut deepest_mm = 0.0f64;
-    for span in 0..spans {
+    for span in (0..spans).filter(|&span| !all_stay(stays, span)) {
         let at = |k: usize| {
             let share = k as f64 / POSES_CHECKED as f64;
             configuration(curve_at(&pass.control, span, share))
@@ -76,15 +100,20 @@ fn edges_about(poses: &[Configuration], site: &Site) -> EdgesAbout {
     EdgesAbout::new(edges.filter(|edge| edge.may_meet(&area)).collect())
 }
 
-/// The knots of one pass moved inside the walls, as far as possible (Levenberg and Marquardt: a step without
-/// improvement is repeated with more damping).
-pub fn projected(own: &[Knot], range: &PassKnots, containment: &mut Containment) -> Vec<Knot> {
+/// The knots of one pass, but those that stay, moved inside the walls, as far as possible (Levenberg and Marquardt: a
+/// step without improvement is repeated with more damping).
+pub fn projected(
+    own: &[Knot],
+    range: &PassKnots,
+    stays: &[bool],
+    containment: &mut Containment,
+) -> Vec<Knot> {
     let pass = PassKnots { first: 0, ..*range };
     let unknowns = CHANNELS * own.len();
     let (mut system, mut tried) = (System::new(unknowns), System::new(unknowns));
     let (mut knots, mut stepped) = (own.to_vec(), own.to_vec());
     let mut stiffness = STIFFNESS;
-    let mut outside = evaluate(&knots, &pass, containment, &mut system);
+    let mut outside = evaluate(&knots, &pass, stays, containment, &mut system);
     for _ in 0..ROUNDS {
         if outside.is_nan() || outside <= SETTLED {
             break;
@@ -103,7 +132,7 @@ pub fn projected(own: &[Knot], range: &PassKnots, containment: &mut Containment)
             *to = std::array::from_fn(|c| from[c] - step[c].clamp(-STEP_MAX, STEP_MAX));
         }
         set_phantoms(&mut stepped, &pass);
-        let after = evaluate(&stepped, &pass, containment, &mut tried);
+        let after = evaluate(&stepped, &pass, stays, containment, &mut tried);
         if after < outside {
             outside = after;
             std::mem::swap(&mut knots, &mut stepped);
@@ -120,22 +149,19 @@ pub fn projected(own: &[Knot], range: &PassKnots, containment: &mut Containment)
 fn evaluate(
     knots: &[Knot],
     pass: &PassKnots,
+    stays: &[bool],
     containment: &mut Containment,
     system: &mut System,
 ) -> f64 {
     let mut terms = Terms::default();
-    let wall = Wall {
-        weight: 1.0,
-        margin: CLEARANCE,
-    };
     system.clear();
     let passes = std::slice::from_ref(pass);
     let at = At {
         knots,
         passes,
-        stays: &[],
+        stays,
     };
-    containment.add(&at, &wall, &mut terms, system);
-    prepare(system, passes, &[]);
+    containment.add(&at, &WALL, &mut terms, system);
+    prepare(system, passes, stays);
     terms.outside
 }

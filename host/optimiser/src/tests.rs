@@ -78,7 +78,7 @@ fn a_wavering_bead_is_straightened() {
     assert!(after_s < 0.95 * before_s, "{after_s} {before_s}");
     assert!(report.open_mm2[1] < report.open_mm2[0]);
     // The task's bound is 1 um; the projection leaves a tenth of it.
-    assert!(outside_mm(&passes[0], &site(&bar, &ELLIPSE, &limits())) < 1e-4);
+    assert!(outside_mm(&passes[0], &[], &site(&bar, &ELLIPSE, &limits())) < 1e-4);
     // Ends go on to where the ground ends.
     let length = |pass: &OptimisedPass| pass.control[44][0] - pass.control[0][0];
     assert!(length(&passes[0]) > length(&start));
@@ -252,7 +252,7 @@ fn every_aperture_is_optimised() {
         };
         let (after_s, before_s) = (cost_s(&passes[0]), cost_s(&start));
         assert!(after_s < 0.98 * before_s, "{name} {after_s} {before_s}");
-        let outside = outside_mm(&passes[0], &site(&bar, &aperture, &limits()));
+        let outside = outside_mm(&passes[0], &[], &site(&bar, &aperture, &limits()));
         assert!(outside < 1e-4, "{name} {outside} mm");
     }
 }
@@ -312,7 +312,7 @@ fn projection_brings_a_pass_inside() {
     let [before_mm, after_mm] = search.run(&Effort::cold(0)).finish(&mut passes, &site)[0];
     assert!((before_mm - 0.005).abs() < 3e-4, "{before_mm}");
     assert!(after_mm < 1e-4, "{after_mm}");
-    assert_eq!(after_mm, outside_mm(&passes[0], &site));
+    assert_eq!(after_mm, outside_mm(&passes[0], &[], &site));
     let moved = |(a, b): (&PlaneControl, &PlaneControl)| (a[0] - b[0]).hypot(a[1] - b[1]);
     let most = passes[0].control.iter().zip(&pass.control).map(moved);
     assert!(most.fold(0.0, f64::max) < 0.02);
