@@ -12,7 +12,7 @@ use crate::geometry::polygon::Region;
 use crate::plan::curve::curls::without_curls;
 use crate::plan::curve::even_spans::even_spans;
 use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened};
-use crate::plan::curve::optimised_curve::{checked, placements_on};
+use crate::plan::curve::optimised_curve::{Begun, checked, placements_on, take};
 use crate::plan::curve::pushing_inside::InsideWalls;
 use crate::plan::joining::gap_fill::fill_gaps;
 use crate::plan::joining::order::interruption_mm;
@@ -113,30 +113,18 @@ struct Reached {
     cost_s: f64,
 }
 
-/// A pass in the optimiser.
-#[derive(Clone, Debug)]
-pub struct Begun {
-    /// Its control points and pace.
-    pub unknown: OptimisedPass,
-    /// For each control point the placement that it came from.
-    numbers: Vec<usize>,
-}
-
-impl Begun {
-    /// Leaves these control points, each a placement of its own.
-    fn keep(&mut self, kept: &[usize]) {
-        let unknown = &mut self.unknown;
-        unknown.control = kept.iter().map(|&i| unknown.control[i]).collect();
-        unknown.log_pace = kept.iter().map(|&i| unknown.log_pace[i]).collect();
-        self.numbers = (0..kept.len()).collect();
-    }
-}
-
 /// A pass that the optimiser knows, when it is done.
 struct KnownPass {
     pass: LayerPass,
     curve: PassCurve,
     begun: Begun,
+}
+
+impl KnownPass {
+    fn without_curve((pass, begun): (LayerPass, Begun)) -> KnownPass {
+        let curve = None;
+        KnownPass { pass, curve, begun }
+    }
 }
 
 impl Solution {
@@ -148,15 +136,6 @@ impl Solution {
             begun: found.iter().map(|known| known.begun.clone()).collect(),
             cost_s_mm2,
         })
-    }
-}
-
-/// The placements of the passes become poses of their optimised curves.
-fn take(passes: &mut [LayerPass], begun: &mut [Begun]) {
-    for (pass, begun) in passes.iter_mut().zip(begun) {
-        let (control, numbers) = (&begun.unknown.control, &begun.numbers);
-        pass.placements = placements_on(control, |i| pass.placements[numbers[i]]);
-        begun.numbers = (0..pass.placements.len()).collect();
     }
 }
 
@@ -309,17 +288,11 @@ impl<'a> RegionJob<'a> {
         let Some(Reached { open_mm2, .. }) = reached else {
             self.fill(&mut passes, 1.0);
             let unchanged = passes.into_iter().zip(begun);
-            let unchanged = unchanged.map(|(pass, begun)| KnownPass {
-                pass,
-                curve: None,
-                begun,
-            });
-            return (unchanged.collect(), None);
+            return (unchanged.map(KnownPass::without_curve).collect(), None);
         };
         let [_, again, _] = iterations(self.settings.quality);
         let mut is_filled = false;
-        let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
-        let price_shares = match is_little(open_mm2) {
+        let price_shares = match self.is_little(open_mm2) {
             true => &FILL_SHARES[..1],
             false => &FILL_SHARES[1..],
         };
@@ -336,7 +309,7 @@ impl<'a> RegionJob<'a> {
             let again = self.run(&mut begun, &Effort::cold(again), None);
             take(&mut passes, &mut begun);
             reached = again.or(reached);
-            if again.is_some_and(|again| is_little(0.5 * again.open_mm2)) {
+            if again.is_some_and(|again| self.is_little(0.5 * again.open_mm2)) {
                 break;
             }
         }
@@ -350,7 +323,11 @@ impl<'a> RegionJob<'a> {
         (self.with_curves(passes, begun), reached)
     }
 
-    /// Leaves out the curls of the passes where the objective is no worse for it.
+    fn is_little(&self, open_mm2: f64) -> bool {
+        open_mm2 < OPEN_SHARE * self.ground_mm2
+    }
+
+    /// Leaves out the curls of the passes where the objective is no worse for it, and little is open.
     fn uncurl(
         &self,
         passes: &mut Vec<LayerPass>,
@@ -371,7 +348,9 @@ impl<'a> RegionJob<'a> {
             return;
         }
         let settled = self.settle(&mut own, &mut own_begun);
-        let is_better = |settled: &Reached| reached.is_some_and(|r| settled.cost_s <= r.cost_s);
+        let is_better = |settled: &Reached| {
+            reached.is_some_and(|r| settled.cost_s <= r.cost_s) && self.is_little(settled.open_mm2)
+        };
         if let Some(settled) = settled.filter(is_better) {
             (*passes, *begun, *reached) = (own, own_begun, Some(settled));
         }
@@ -427,9 +406,8 @@ impl<'a> RegionJob<'a> {
         };
         let before_mm = tight_mm(begun);
         if before_mm > 0.0
-            && (self.run(&mut rounded, &Effort::cold(ROUNDING), Some(bound))).is_some_and(
-                |rounded| rounded.open_mm2 - open_mm2 < 2.0 * OPEN_SHARE * self.ground_mm2,
-            )
+            && (self.run(&mut rounded, &Effort::cold(ROUNDING), Some(bound)))
+                .is_some_and(|rounded| self.is_little(0.5 * (rounded.open_mm2 - open_mm2)))
             && tight_mm(&rounded) <= 0.5 * before_mm
         {
             *begun = rounded;
