@@ -369,6 +369,11 @@ impl<'a> Containment<'a> {
         }
     }
 
+    /// Whether a knot's centre is within the walls.
+    pub fn holds(&self, knot: &Knot) -> bool {
+        self.walls.contains(self.units.point_of(knot[0], knot[1]))
+    }
+
     /// First knots of the spans that have a pose nearer to a wall than the margin, by the last measurement.
     pub fn short_spans(&self) -> impl Iterator<Item = usize> {
         self.short.iter().map(|short| short.knot)

@@ -41,7 +41,8 @@ const STIFFENING: f64 = 10.0;
 /// Most that a step changes a channel, in a or rad.
 const STEP_MAX: f64 = 0.05;
 
-/// The knots of one pass that the projection does not move: all but those beside poses too near to a wall.
+/// The knots of one pass that the projection does not move: all but those beside poses too near to a wall, and none of a
+/// pass that begins outside.
 pub fn staying(own: &[Knot], range: &PassKnots, containment: &mut Containment) -> Vec<bool> {
     let pass = PassKnots { first: 0, ..*range };
     let at = At {
@@ -50,7 +51,7 @@ pub fn staying(own: &[Knot], range: &PassKnots, containment: &mut Containment) -
         stays: &[],
     };
     containment.measure(&at, &WALL);
-    let mut stays = vec![true; own.len()];
+    let mut stays = vec![containment.holds(&own[1]); own.len()];
     for span in containment.short_spans() {
         let end = own.len().min(span + 4 + BESIDE);
         stays[span.saturating_sub(BESIDE)..end].fill(false);
