@@ -5,7 +5,7 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::pipeline::Plan;
-use crate::plan::beads::division::WIDEST_SINGLE_SHARE;
+use crate::plan::beads::division::{SPANNED_SLACK, WIDEST_SINGLE_SHARE};
 use crate::plan::layers::region_plan::RegionPlan;
 use crate::settings::{PassMode, Settings};
 use crate::text::short_number::Short;
@@ -94,12 +94,48 @@ impl TwoBeadWalls {
         let step_mm = NOZZLE_STEP * major_mm;
         let wider_mm = (0.5 * most / WIDEST_SINGLE_SHARE / step_mm).ceil() * step_mm;
         let short = |mm: f64| Short((mm * 1000.0).round() / 1000.0);
+        // Its widest bead lies as well in a straight wall, but for what rounding adds.
+        let is_spanned =
+            settings.pass_mode == PassMode::Two && most <= (1.0 + SPANNED_SLACK) * 2.0 * major_mm;
+        let by_option = if is_spanned { "--pass one or " } else { "" };
         Some(format!(
-            "walls of {} to {} mm take two beads of this nozzle: one of ellipse:{}x{} lays them in one",
+            "walls of {} to {} mm take two beads of this nozzle: {by_option}a nozzle of ellipse:{}x{} lays them in one",
             short(least),
             short(most),
             short(wider_mm),
             short(minor_mm)
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: walls that the nozzle spans name the option, wider ones the nozzle alone.
+    #[test]
+    fn walls_that_the_nozzle_spans_name_the_option() {
+        let mut settings = Settings {
+            aperture: Aperture::Ellipse {
+                major_mm: 1.0,
+                minor_mm: 0.3,
+            },
+            ..Settings::default()
+        };
+        let note = |most_mm: f64, settings: &Settings| {
+            let walls = TwoBeadWalls {
+                two_mm: 10.0,
+                all_mm: 10.0,
+                widths_mm: [1.9, most_mm],
+            };
+            walls.note(settings).expect("a note")
+        };
+        assert_eq!(
+            note(2.0, &settings),
+            "walls of 1.9 to 2 mm take two beads of this nozzle: --pass one or a nozzle of ellipse:1.167x0.3 lays them in one"
+        );
+        assert!(note(2.2, &settings).contains("nozzle: a nozzle of ellipse:1.25x0.3"));
+        settings.pass_mode = PassMode::One;
+        assert!(!note(2.0, &settings).contains("--pass one"));
     }
 }

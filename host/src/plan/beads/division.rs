@@ -24,7 +24,7 @@ const END_SHARE: f64 = 9.5;
 const TWO_FOR_ONE: f64 = 0.05;
 /// How much wider than the widest bead a stretch may be, against a, and still be one with what that bead spans, where
 /// one bead is asked for: walls whose width varies by less than that have beads all of one kind.
-const SPANNED_SLACK: f64 = 0.02;
+pub const SPANNED_SLACK: f64 = 0.02;
 /// Share of a that a single bead may need: the rest is for bends.
 pub const WIDEST_SINGLE_SHARE: f64 = 0.89;
 
