@@ -255,9 +255,9 @@ mod tests {
         assert_eq!(move_ends(&poses, &any), [1000]);
     }
 
-    /// Goal: fast straight ways have a place each 10 mm, slow ones are one move. Method: 95 mm evenly, in 950 ticks.
+    /// Goal: fast straight ways have a place each [`LONGEST_MM`], slow ones are one move. Method: 95 mm evenly, in 950 ticks.
     #[test]
-    fn long_moves_end_each_ten_millimetres() {
+    fn long_moves_end_soon() {
         let of = |long_ticks| LineTolerances {
             tip_mm: 0.002,
             turn_rad: 3e-4,
@@ -270,7 +270,7 @@ mod tests {
             .map(|i| [0.1 * f64::from(i), 0.0, 0.2, 0.0, 0.0, 0.0, 0.0])
             .collect();
         let ends = move_ends(&poses, &of(50));
-        assert_eq!(ends.len(), 10, "{ends:?}");
+        assert_eq!(ends.len(), 12, "{ends:?}");
         assert_eq!(move_ends(&poses, &of(950)), [950]);
     }
 }
