@@ -19,9 +19,9 @@ pub(crate) struct ExportArgs {
     /// What to write.
     #[arg(long, value_enum, value_name = "FORMAT")]
     pub to: ExportName,
-    /// Layer of the picture, from 1.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub layer: u32,
+    /// Layer of the picture, from 1 [default: the first that is printed].
+    #[arg(long, value_name = "N")]
+    pub layer: Option<u32>,
     /// Colouring of the picture's passes [default: zone].
     #[arg(long, value_enum, value_name = "WHAT")]
     pub colour: Option<ColourName>,

@@ -61,11 +61,15 @@ pub(crate) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
 
 /// A layer's picture.
 fn svg(planned: Planned, args: &ExportArgs) -> Result<String, CliError> {
-    let number = args.layer;
     let layers = planned.stream.layers();
-    if !(1..=layers).contains(&number) {
+    // A job of some layers of a part leaves out the ones below.
+    let mut marks = planned.stream.marks.iter();
+    let first = marks.find(|mark| mark.pass.is_some());
+    let first = first.map_or(1, |mark| mark.layer + 1);
+    let number = args.layer.unwrap_or(first);
+    if !(first..=layers).contains(&number) {
         return Err(CliError::Usage(format!(
-            "--layer {number}: the job has layers 1 to {layers}"
+            "--layer {number}: the job has layers {first} to {layers}"
         )));
     }
     let title = match layers {

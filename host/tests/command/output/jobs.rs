@@ -340,15 +340,29 @@ fn layers_are_in_everything_that_tells_of_them() {
     let svg = |layer| headway(&["export", path(&job), "--to", "svg", "--layer", layer]);
     assert_ne!(succeeded(&svg("1")), succeeded(&svg("2")));
     assert!(succeeded(&svg("3")).contains("layer 3 of 3"));
-    for layer in ["0", "4"] {
+    let is_refused = |layer, range: &str| {
         let output = svg(layer);
         assert_eq!(output.status.code(), Some(2));
-        assert!(
-            stderr(&output).contains("layers 1 to 3"),
-            "{}",
-            stderr(&output)
-        );
-    }
+        assert!(stderr(&output).contains(range), "{}", stderr(&output));
+    };
+    is_refused("0", "layers 1 to 3");
+    is_refused("4", "layers 1 to 3");
+    // A job of the upper layers has no picture of the lowest, and none is drawn that is empty.
+    let mesh = example("hook.stl");
+    let upper = [
+        "--layer-height",
+        "0.2",
+        "--layer-range",
+        "2-3",
+        "--quality",
+        "fast",
+    ];
+    succeeded(&headway(
+        &[&["plan", &mesh, "-o", path(&job)], &upper[..]].concat(),
+    ));
+    let first = headway(&["export", path(&job), "--to", "svg"]);
+    assert!(succeeded(&first).contains("layer 2 of 3"));
+    is_refused("1", "layers 2 to 3");
     std::fs::remove_dir_all(folder).expect("clean up");
 }
 
