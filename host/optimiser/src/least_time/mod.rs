@@ -17,9 +17,9 @@ use std::ops::Range;
 
 /// Newton steps; six to eight are usual.
 const STEPS_MAX: usize = 20;
-/// Mean complementarity at which the time is within about 0.3 % of the least, and where it will be solved anew for a fit
-/// that differs a little.
+/// Mean complementarity at which the time is within about 0.3 % of the least.
 const MEAN_END: f64 = 1e-4;
+/// The same where it is solved again for a motion near to this one.
 const MEAN_END_ROUGH: f64 = 0.03;
 /// Violation at which a row counts as kept; the check of the finished segments is exact.
 const VIOLATION_END: f64 = 2e-3;

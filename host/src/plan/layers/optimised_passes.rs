@@ -335,17 +335,17 @@ impl<'a> RegionJob<'a> {
         reached: &mut Option<Reached>,
     ) {
         let major_mm = self.settings.aperture.major_mm();
+        let kept = |begun: &Begun| without_curls(&begun.unknown.control, major_mm);
+        let kept: Vec<Option<Vec<usize>>> = begun.iter().map(kept).collect();
+        if kept.iter().all(Option::is_none) {
+            return;
+        }
         let (mut own, mut own_begun) = (passes.clone(), begun.clone());
-        let mut has_curls = false;
-        for (pass, begun) in own.iter_mut().zip(&mut own_begun) {
-            if let Some(kept) = without_curls(&begun.unknown.control, major_mm) {
-                has_curls = true;
+        for ((pass, begun), kept) in own.iter_mut().zip(&mut own_begun).zip(kept) {
+            if let Some(kept) = kept {
                 begun.keep(&kept);
                 pass.placements = kept.iter().map(|&i| pass.placements[i]).collect();
             }
-        }
-        if !has_curls {
-            return;
         }
         let settled = self.settle(&mut own, &mut own_begun);
         let is_better = |settled: &Reached| {
