@@ -40,7 +40,8 @@ fn error_of(
     let walls = rectangle(8.0, 2.35);
     let passes = uneven();
     let limits = limits();
-    let mut search = Search::begin(&passes, &site(&walls, aperture, &limits), &objective(0.6))
+    let site = site(&walls, aperture, &limits);
+    let mut search = Search::of(&passes, &site, &objective(0.6), |_, _, _| None)
         .unwrap_or_else(|outcome| panic!("{outcome:?}"));
     let knots = search.newton.knots.clone();
     let ranges = search.newton.passes.clone();

@@ -17,6 +17,7 @@ mod band;
 mod containment;
 mod curve;
 mod curves;
+mod fitting;
 mod ground;
 pub mod least_time;
 mod motion;
@@ -25,35 +26,19 @@ mod newton;
 mod pose_lanes;
 pub mod pose_limits;
 mod projection;
+mod search;
 mod sweep;
 mod terms;
 mod tool_scale;
 
-use self::containment::{Containment, segments_of};
-use self::curve::{Knot, PassKnots, Units, knots_of, write_back};
-use self::curves::Curves;
 pub use self::curves::tight_mm;
-use self::ground::Ground;
-use self::motion::Motion;
-use self::moving::moving;
-use self::newton::{Newton, Objectives};
-use self::projection::{POSES_CHECKED, outside_mm, projected, staying};
-use self::sweep::{Cells, Shape, Sweep, edge_half};
-use self::terms::Terms;
-use self::tool_scale::ToolScale;
+use self::search::Search;
 use crate::pose_limits::PoseLimits;
 use headway_geometry::aperture::Aperture;
-use headway_geometry::edge_index::{Edge, EdgeIndex};
+use headway_geometry::edge_index::EdgeIndex;
 use headway_geometry::place_scale::ScaleField;
 use headway_geometry::plane_curve::PlaneControl;
 use headway_geometry::polygon::Region;
-
-/// Required share of a bound of curves: what exceeds it costs, so that a few per cent are exceeded (trials).
-const KEPT_SHARE: f64 = 0.93;
-/// Points of a span at which walls are checked.
-const WALL_PLACES: usize = 8;
-/// Iterations with all knots; later ones have those that moved in these. With fewer, knots that move late stay.
-const WHOLE_ITERATIONS: usize = 4;
 
 /// A pass as a uniform cubic B-spline with natural ends: phantom points P_{-1} = 2 P_0 - P_1 make it begin and end
 /// on its first and last control point, as [`headway_geometry::plane_curve`] has it.
@@ -175,7 +160,7 @@ pub fn optimise(
         Ok(_) => return OptimiseReport::unchanged(Outcome::Nothing, passes),
         Err(outcome) => return OptimiseReport::unchanged(outcome, passes),
     };
-    let before = search.newton.terms;
+    let before = search.terms();
     let searched = search.run(effort);
     let mut report = OptimiseReport::unchanged(Outcome::Optimised, passes);
     report.outside_mm = searched.finish(passes, site);
@@ -187,137 +172,10 @@ pub fn optimise(
     report
 }
 
-/// The problem of one region while it is solved.
-struct Search<'a> {
-    units: Units,
-    newton: Newton<'a>,
-}
-
-impl<'a> Search<'a> {
-    /// Brings a region into the optimiser's units.
-    fn begin(
-        passes: &[OptimisedPass],
-        site: &Site<'a>,
-        objective: &Objective,
-    ) -> Result<Search<'a>, Outcome> {
-        let (walls, aperture) = (site.walls, site.aperture);
-        let edge_half = edge_half(aperture.minor_mm() / aperture.major_mm());
-        let shape = Shape::of(aperture, edge_half as f32).ok_or(Outcome::UnknownAperture)?;
-        if walls.edges().is_empty() {
-            return Err(Outcome::Nothing);
-        }
-        let bounds = walls.bounds();
-        let middle = bounds.min + bounds.size() / 2.0;
-        let units = Units::of(passes, aperture.major_mm(), middle).ok_or(Outcome::Nothing)?;
-        let (mut knots, ranges) = knots_of(passes, &units);
-        let curves = site.width_by_radius_max;
-        let curves = curves.map(|bound| Curves::new(aperture, units.length_mm, KEPT_SHARE * bound));
-        if let Some(curves) = &curves {
-            curves.round(&mut knots, &ranges);
-        }
-        if !ranges.iter().any(|range| range.free) {
-            return Err(Outcome::Nothing);
-        }
-        let bounding = segments_of(walls.edges().iter().map(Edge::ends), &units);
-        let left_out = segments_of(site.left_out.iter().flat_map(Region::edges), &units);
-        let cells = Cells::of(&bounding, &left_out, edge_half).ok_or(Outcome::TooLarge)?;
-        let price = objective.price_s_mm2 * units.length_mm.powi(2) / units.time_s;
-        let return_path = (objective.return_mm / units.length_mm) as f32;
-        let tool_scale = ToolScale::new(site.scale, units);
-        let sweep = Sweep::new(shape, cells, return_path, tool_scale);
-        let objectives = Objectives {
-            motion: Motion::new(site.limits, &units),
-            curves,
-            ground: Ground::new(sweep, price, objective.twice_share),
-            containment: Containment::new(site, units, knots.len(), WALL_PLACES),
-        };
-        let stays = vec![false; knots.len()];
-        let newton = Newton::new(objectives, knots, ranges, stays);
-        if !newton.terms.sum().is_finite() {
-            return Err(Outcome::NotFinite);
-        }
-        Ok(Search { units, newton })
-    }
-
-    /// Makes the iterations: the first with all knots, the others with those that move.
-    fn run(self, effort: &Effort) -> Searched {
-        let Search { units, mut newton } = self;
-        let count = effort.iterations;
-        let passes = newton.passes.clone();
-        let mut knots = newton.knots.clone();
-        let first = count.min(WHOLE_ITERATIONS);
-        newton.run(1..=first, effort, |_, _| {});
-        let radius = newton.objectives.ground.radius();
-        let moved = [&knots, &newton.knots];
-        // Rounding moves a knot little in each iteration, and far in all of them.
-        let part = (newton.objectives.curves.is_none() && first < count)
-            .then(|| moving(moved.map(Vec::as_slice), &passes, radius));
-        knots.clone_from(&newton.knots);
-        let mut terms = newton.terms;
-        if let Some(part) = part.flatten() {
-            newton = newton.narrowed(&part);
-            let before = newton.terms;
-            newton.run(first + 1..=count, effort, |_, _| {});
-            for (&knot, own) in part.knots.iter().zip(&newton.knots) {
-                knots[knot] = *own;
-            }
-            terms.time += newton.terms.time - before.time;
-            terms.open += newton.terms.open - before.open;
-            terms.twice += newton.terms.twice - before.twice;
-        } else {
-            newton.run(first + 1..=count, effort, |_, _| {});
-            (knots, terms) = (newton.knots, newton.terms);
-        }
-        Searched {
-            units,
-            knots,
-            passes,
-            terms,
-        }
-    }
-}
-
-/// The solution of a region.
-struct Searched {
-    units: Units,
-    knots: Vec<Knot>,
-    passes: Vec<PassKnots>,
-    /// Seconds and areas by the optimiser's count.
-    terms: Terms,
-}
-
-impl Searched {
-    /// Writes the passes back, brought inside the walls; how far each is outside before that and after it, mm.
-    fn finish(&self, passes: &mut [OptimisedPass], site: &Site) -> Vec<[f64; 2]> {
-        let knots = &self.knots;
-        let mut outside = vec![[0.0; 2]; passes.len()];
-        // Between the poses that are checked, too: where an end turns on the spot a corner bulges from one to the next.
-        let places = 2 * POSES_CHECKED;
-        let mut containment = Containment::new(site, self.units, knots.len(), places);
-        for range in self.passes.iter().filter(|range| range.free) {
-            let pass = &mut passes[range.pass];
-            let own = &knots[range.first..range.end()];
-            write_back(own, &self.units, pass);
-            let stays = staying(own, range, &mut containment);
-            let before_mm = outside_mm(pass, &stays, site);
-            outside[range.pass] = [before_mm; 2];
-            if before_mm > 0.0 {
-                let inside = projected(own, range, &stays, &mut containment);
-                write_back(&inside, &self.units, pass);
-                let after_mm = outside_mm(pass, &stays, site);
-                if after_mm < before_mm {
-                    outside[range.pass][1] = after_mm;
-                } else {
-                    write_back(own, &self.units, pass);
-                }
-            }
-        }
-        outside
-    }
-}
-
 #[cfg(test)]
 mod derivative_tests;
+#[cfg(test)]
+mod fitting_tests;
 #[cfg(test)]
 mod moving_tests;
 #[cfg(test)]

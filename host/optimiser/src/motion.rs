@@ -6,7 +6,7 @@
 //! 3 w' q'' - w'' q' + 2 w'² q'): path and time law are one problem. Not covered: flow.
 
 use super::band::System;
-use super::curve::{At, Basis, CHANNELS, Knot, PACE, Units, all_stay, blend};
+use super::curve::{At, Basis, CHANNELS, Knot, PACE, PassKnots, Units, all_stay, blend};
 use super::terms::Terms;
 use crate::pose_limits::PoseLimits;
 
@@ -15,6 +15,8 @@ const PLACES: usize = 3;
 const PLACES_FROM: f64 = 0.02;
 /// Orders of derivatives: 1 velocity, 2 acceleration, 3 jerk.
 const ORDERS: usize = 4;
+/// What the share of a limit may be at full speed: a little more, because spans are not quite even.
+const FULL_SPEED_ROOM: f64 = 1.02;
 /// Weights of excesses of a limit, against the others: the tip's speed, and jerk.
 const TIP_SPEED_WEIGHT: f64 = 2.0;
 const JERK_WEIGHT: f64 = 0.3;
@@ -130,6 +132,39 @@ impl Motion {
                 }
             }
         }
+    }
+
+    /// The pace at which the tip passes the middle one of five knots at full speed; `None` where other limits do not permit that.
+    pub fn full_speed_pace(&self, around: &[Knot]) -> Option<f64> {
+        let way = [0, 1].map(|c| 0.5 * (around[3][c] - around[1][c]));
+        let time = (way[0] * way[0] + way[1] * way[1]).sqrt() * self.orders[1].tip;
+        let is_within = |span: &[Knot], basis: &Basis| {
+            let weights = [&basis.first, &basis.second, &basis.third];
+            weights.into_iter().zip(1..).all(|(weights, order)| {
+                let value = blend(weights, span);
+                let scales = &self.orders[order].axes;
+                let shares = (0..3).map(|m| value[m].abs() * scales[m]);
+                shares.fold(0.0, f64::max) <= FULL_SPEED_ROOM * time.powi(order as i32)
+            })
+        };
+        let is_free = time > 0.0
+            && [&around[..4], &around[1..]].iter().all(|span| {
+                let mut places = self.places[..PLACES].iter();
+                places.all(|basis| is_within(span, basis))
+            });
+        is_free.then(|| time.ln())
+    }
+
+    /// The printing time of spans of which a knot may move.
+    pub fn time(&self, knots: &[Knot], passes: &[PassKnots], stays: &[bool]) -> f64 {
+        let spans = passes.iter().flat_map(PassKnots::span_starts);
+        let moving = spans.filter(|&knot| !all_stay(stays, knot));
+        let of_span = |knot: usize| {
+            let pace = |basis: &Basis| blend(&basis.value, &knots[knot..])[PACE];
+            let places = self.places[..PLACES].iter();
+            places.map(|basis| pace(basis).exp()).sum::<f64>() / PLACES as f64
+        };
+        moving.map(of_span).sum()
     }
 
     /// Adds what one order of derivative at one place exceeds, and its regularising term.

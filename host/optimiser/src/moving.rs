@@ -13,7 +13,7 @@ const TURN_MIN: f64 = 0.008;
 /// Knots next to one that moves that may move with it, on both sides along the path.
 const BESIDE: usize = 6;
 /// Knots at the ends of a pass that always move.
-const AT_ENDS: usize = 8;
+pub const AT_ENDS: usize = 8;
 /// Path between two windows of a pass, a: a return over more counts in full, so that its exact length has no effect.
 const APART: f64 = 4.0;
 /// Cells that count are this much farther from a moving knot than the aperture reaches, a.
@@ -38,27 +38,48 @@ pub struct Moving {
     pub reach: f64,
 }
 
-/// The part that moved between two times; `None` if that is almost all. The aperture reaches `radius` from its middle.
-pub fn moving([before, now]: [&[Knot]; 2], passes: &[PassKnots], radius: f64) -> Option<Moving> {
+/// The part that moved between two times, except for what `stays` in any case; `None` if that is almost all. The aperture
+/// reaches `radius` from its middle.
+pub fn moving(
+    [before, now]: [&[Knot]; 2],
+    stays: &[bool],
+    passes: &[PassKnots],
+    radius: f64,
+) -> Option<Moving> {
     let mut moves = vec![false; now.len()];
     for pass in passes.iter().filter(|pass| pass.free) {
-        let range = pass.first..pass.end();
-        let moved: Vec<bool> = range
-            .clone()
-            .map(|k| has_moved(before, now, k, pass))
-            .collect();
-        for (at, _) in moved.iter().enumerate().filter(|(_, moved)| **moved) {
-            let from = at.saturating_sub(BESIDE);
-            let to = (at + BESIDE + 1).min(moved.len());
-            moves[range.start + from..range.start + to].fill(true);
+        for knot in pass.first..pass.end() {
+            moves[knot] = has_moved(before, now, knot, pass);
         }
     }
+    let moves = with_those_beside(&moves, stays, passes);
+    part_of(now, &moves, passes, radius)
+}
+
+/// Knots that may move, and those next to them, except for those that stay.
+pub fn with_those_beside(may_move: &[bool], stays: &[bool], passes: &[PassKnots]) -> Vec<bool> {
+    let mut moves = vec![false; may_move.len()];
+    for pass in passes.iter().filter(|pass| pass.free) {
+        for knot in (pass.first..pass.end()).filter(|&knot| may_move[knot]) {
+            let from = knot.saturating_sub(BESIDE).max(pass.first);
+            moves[from..(knot + BESIDE + 1).min(pass.end())].fill(true);
+        }
+    }
+    let stays = stays.iter().chain(std::iter::repeat(&false));
+    for (moves, stays) in moves.iter_mut().zip(stays) {
+        *moves &= !stays;
+    }
+    moves
+}
+
+/// The part in which these knots move; `None` if that is almost all.
+pub fn part_of(now: &[Knot], moves: &[bool], passes: &[PassKnots], radius: f64) -> Option<Moving> {
     let staying = moves.iter().filter(|moves| !**moves).count();
     if (staying as f64) < STAYING_MIN * now.len() as f64 {
         return None;
     }
     let reach = radius + ROOM;
-    let near = near(now, &moves, reach + radius + SQUARE);
+    let near = near(now, moves, reach + radius + SQUARE);
     let mut part = Moving {
         passes: Vec::new(),
         knots: Vec::new(),
@@ -86,7 +107,11 @@ pub fn moving([before, now]: [&[Knot]; 2], passes: &[PassKnots], radius: f64) ->
 
 /// Whether a knot moved across the path, or the heading at its place changed.
 fn has_moved(before: &[Knot], now: &[Knot], knot: usize, pass: &PassKnots) -> bool {
-    if knot < pass.first + AT_ENDS || knot + AT_ENDS >= pass.end() {
+    let [from_first, to_end] = [knot - pass.first, pass.end() - 1 - knot];
+    if from_first == 0 || to_end == 0 {
+        return !pass.cut[usize::from(to_end == 0)];
+    }
+    if (from_first < AT_ENDS && !pass.cut[0]) || (to_end < AT_ENDS && !pass.cut[1]) {
         return true;
     }
     let (ahead, behind) = (&before[knot + 1], &before[knot - 1]);
@@ -127,14 +152,15 @@ fn near(knots: &[Knot], moves: &[bool], reach: f64) -> Vec<bool> {
 }
 
 /// Squares of the box around the knots.
-struct Squares {
+pub struct Squares {
     low: [f64; 2],
     side: f64,
     counts: [usize; 2],
 }
 
 impl Squares {
-    fn around(knots: &[Knot]) -> Squares {
+    /// Of a side of [`SQUARE`], or as many as there may be.
+    pub fn around(knots: &[Knot]) -> Squares {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for knot in knots {
             for c in 0..2 {
@@ -154,11 +180,44 @@ impl Squares {
     }
 
     fn number(&self, knot: &Knot) -> usize {
-        let [column, row] = [0, 1].map(|c| {
-            // A cast saturates; NaN is 0.
-            (((knot[c] - self.low[c]) / self.side) as usize).min(self.counts[c] - 1)
-        });
+        let [column, row] = self.place([knot[0], knot[1]]);
         row * self.counts[0] + column
+    }
+
+    /// Column and row of a point, or the nearest ones.
+    fn place(&self, at: [f64; 2]) -> [usize; 2] {
+        // A cast saturates; NaN is 0.
+        [0, 1].map(|c| (((at[c] - self.low[c]) / self.side) as usize).min(self.counts[c] - 1))
+    }
+
+    /// Numbers of the squares that a point within `reach` of this one may be in.
+    pub fn within(&self, at: [f64; 2], reach: f64) -> impl Iterator<Item = usize> {
+        let [from, to] = [-reach, reach].map(|by| self.place(at.map(|c| c + by)));
+        let columns = self.counts[0];
+        (from[1]..=to[1]).flat_map(move |row| (from[0]..=to[0]).map(move |c| row * columns + c))
+    }
+
+    /// The numbers of points by the square that they are in, and for each square where its own begin.
+    pub fn sorted(&self, points: impl Iterator<Item = [f64; 2]> + Clone) -> [Vec<u32>; 2] {
+        let number = |at| {
+            let [column, row] = self.place(at);
+            row * self.counts[0] + column
+        };
+        let mut ends = vec![0; self.counts[0] * self.counts[1] + 1];
+        let squares = points.map(number);
+        for square in squares.clone() {
+            ends[square + 1] += 1;
+        }
+        for square in 1..ends.len() {
+            ends[square] += ends[square - 1];
+        }
+        let firsts = ends.clone();
+        let mut sorted = vec![0; firsts[firsts.len() - 1] as usize];
+        for (point, square) in squares.enumerate() {
+            sorted[ends[square] as usize] = point as u32;
+            ends[square] += 1;
+        }
+        [firsts, sorted]
     }
 }
 

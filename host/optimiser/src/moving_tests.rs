@@ -1,6 +1,8 @@
 //! Tests of the smaller problem: what it contains by brute force, and its result against that of the whole.
 
+use super::curve::Knot;
 use super::moving::moving;
+use super::terms::Terms;
 use super::test_passes::{limits, objective, pass_of, rectangle, site};
 use super::*;
 use headway_geometry::test_shapes::ELLIPSE;
@@ -19,7 +21,8 @@ fn bent_beads() -> [OptimisedPass; 2] {
 }
 
 fn begun<'a>(passes: &[OptimisedPass], site: &Site<'a>) -> Search<'a> {
-    Search::begin(passes, site, &objective(0.6)).unwrap_or_else(|outcome| panic!("{outcome:?}"))
+    Search::of(passes, site, &objective(0.6), |_, _, _| None)
+        .unwrap_or_else(|outcome| panic!("{outcome:?}"))
 }
 
 /// Goal: the smaller problem has each knot that moves, and each pose that reaches a cell that one of them can reach.
@@ -37,7 +40,13 @@ fn the_smaller_problem_has_all_that_matters() {
     }
     let radius = newton.objectives.ground.radius();
     assert!((radius - 1.0).abs() < 1e-6, "{radius}");
-    let part = moving([&newton.knots, &now], &newton.passes, radius).expect("most stays");
+    let part = moving(
+        [&newton.knots, &now],
+        newton.stays(),
+        &newton.passes,
+        radius,
+    )
+    .expect("most stays");
     let place = |knot: usize| part.knots.iter().position(|&own| own == knot);
     let moves: Vec<usize> = (0..now.len())
         .filter(|&knot| place(knot).is_some_and(|at| !part.stays[at]))

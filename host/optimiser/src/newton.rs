@@ -261,6 +261,11 @@ impl<'a> Newton<'a> {
         }
     }
 
+    /// For each knot whether it stays where it is.
+    pub fn stays(&self) -> &[bool] {
+        &self.stays
+    }
+
     /// The smaller problem of what still moves, in the state of this one.
     pub fn narrowed(self, part: &Moving) -> Newton<'a> {
         let Newton {

@@ -26,4 +26,12 @@ impl Terms {
     pub fn sum(&self) -> f64 {
         self.time + self.ground + self.excess + self.outside + self.smooth
     }
+
+    /// The same with more printing time.
+    pub fn later(self, time: f64) -> Terms {
+        Terms {
+            time: self.time + time,
+            ..self
+        }
+    }
 }

@@ -202,7 +202,8 @@ fn ground_agrees_with_a_fine_raster() {
             let passes = [pass.clone()];
             let objective = objective(major_mm);
             let limits = limits();
-            let search = Search::begin(&passes, &site(&square, &aperture, &limits), &objective);
+            let site = site(&square, &aperture, &limits);
+            let search = Search::of(&passes, &site, &objective, |_, _, _| None);
             let search = search.unwrap_or_else(|outcome| panic!("{outcome:?}"));
             let [open, twice] = counted(&passes, &aperture, [10.0; 2], objective.return_mm);
             let unit_mm = search.units.length_mm;
@@ -307,7 +308,7 @@ fn projection_brings_a_pass_inside() {
     let mut passes = [pass.clone()];
     let limits = limits();
     let site = site(&bar, &ELLIPSE, &limits);
-    let search = Search::begin(&passes, &site, &objective(0.6))
+    let search = Search::of(&passes, &site, &objective(0.6), |_, _, _| None)
         .unwrap_or_else(|outcome| panic!("{outcome:?}"));
     let [before_mm, after_mm] = search.run(&Effort::cold(0)).finish(&mut passes, &site)[0];
     assert!((before_mm - 0.005).abs() < 3e-4, "{before_mm}");

@@ -217,10 +217,11 @@ impl Cells {
         }
     }
 
-    /// Drops all cells but those within `reach` of one of these points of the grid's frame.
-    pub fn keep_near(&mut self, points: impl Iterator<Item = [f32; 2]>, reach: f32) {
+    /// Drops all cells but those within `reach` of one of these points of the plane.
+    pub fn keep_near(&mut self, points: impl Iterator<Item = [f64; 2]>, reach: f64) {
+        let reach = reach as f32;
         let mut kept = vec![false; self.wall_cover.len()];
-        for [x, y] in points {
+        for [x, y] in points.map(|at| to_grid(at).map(|c| c as f32)) {
             for row in self.rows_in(y - reach, y + reach) {
                 let up = self.middle(row, 1) as f32 - y;
                 let aside = (reach * reach - up * up).max(0.0).sqrt();

@@ -23,8 +23,8 @@ pub use self::cells::{
     Cells, Segment, VISITS_MAX, Visit, cover, cover_slope, edge_half, from_grid,
 };
 use self::cells::{NO_STRIP, Visits, to_grid};
-pub use self::shape::Shape;
-use self::shape::{CONTACTS_MAX, Inside, OUTLINE_MAX, OutlinePoint, Touch};
+pub use self::shape::{CONTACTS_MAX, Shape, Touch};
+use self::shape::{Inside, OUTLINE_MAX, OutlinePoint};
 use self::strips::{Beside, Marked};
 use super::curve::{Basis, Knot, PassKnots, blend};
 use super::tool_scale::ToolScale;
@@ -191,21 +191,15 @@ impl<'a> Sweep<'a> {
 
     /// How far the aperture reaches from its middle, a, by the poses swept last.
     pub fn radius(&self) -> f64 {
-        let points = self
-            .shape
-            .outline()
-            .iter()
-            .map(|at| dot(at.point, at.point));
-        let own = points.fold(0.0, f32::max).sqrt();
+        let own = self.shape.radius();
         let size = self.poses.iter().map(|pose| pose.size).fold(0.0, f32::max);
         f64::from(own * size)
     }
 
     /// Only the cells within `reach` of these knots count from now on.
     pub fn keep_near(&mut self, knots: &[Knot], reach: f64) {
-        let centers = knots.iter().map(|knot| to_grid(self.scale.at(knot).center));
-        self.cells
-            .keep_near(centers.map(|at| at.map(|c| c as f32)), reach as f32);
+        let centers = knots.iter().map(|knot| self.scale.at(knot).center);
+        self.cells.keep_near(centers, reach);
         self.visits = self.visits.for_cells(self.cells.wall_cover.len());
     }
 

@@ -125,6 +125,13 @@ impl Shape {
         &self.outline
     }
 
+    /// How far it reaches from its middle, in a.
+    pub fn radius(&self) -> f32 {
+        let points = self.outline.iter().map(|at| at.point);
+        let squares = points.map(|[x, y]| x * x + y * y);
+        squares.fold(0.0, f32::max).sqrt()
+    }
+
     /// Motion between marks of the inside, in a.
     pub fn mark_step(&self) -> f32 {
         self.mark_step
