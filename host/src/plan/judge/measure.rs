@@ -88,39 +88,40 @@ pub fn measure(
         .map(|(_, print)| print.like)
         .collect();
     let cell_mm = raster_cell_mm(prints, settings.aperture.unit_mm());
-    let mut measure_up_to = |layer: u32, poses: &[SweptPose]| {
-        skirt_mm += length_off_regions_mm(poses, print_of_pass);
+    let mut measure_up_to = |layer: u32, poses: Vec<SweptPose>| {
+        skirt_mm += length_off_regions_mm(&poses, print_of_pass);
         let first = measured.swept.len();
         let of_layer = prints[first..].iter();
         let count = of_layer.take_while(|print| print.layer <= layer).count();
         let poses = poses_of_prints(poses, print_of_pass, first..first + count);
-        let found = poses.par_iter().zip(&prints[first..]).enumerate();
-        let found: Vec<(Swept, Option<RegionRaster>)> = found
+        let found = poses.into_par_iter().zip(&prints[first..]).enumerate();
+        let found: Vec<(Swept, Option<RegionRaster>, Option<Vec<SweptPose>>)> = found
             .map(|(number, (poses, print))| {
+                let number = first + number;
                 let like = known.get(&print.like).zip(measured.swept.get(print.like));
-                let same = like.and_then(|(others, swept)| same(poses, others, swept, settings));
-                let found = match same {
+                let same = like.and_then(|(others, swept)| same(&poses, others, swept, settings));
+                let kept = repeated.contains(&number).then(|| poses.clone());
+                let (swept, raster) = match same {
                     Some(swept) => (swept, None),
                     None => {
                         let region = PrintedRegion::of(print, transform, settings);
                         let (swept, raster) = region.measure(poses, cell_mm);
-                        (swept, (print.like >= first + number).then_some(raster))
+                        (swept, (print.like >= number).then_some(raster))
                     }
                 };
                 steps.done();
-                found
+                (swept, raster, kept)
             })
             .collect();
-        for (swept, raster) in found {
+        for (number, (swept, raster, kept)) in (first..).zip(found) {
             measured.swept.push(swept);
             measured.rasters.push(raster);
+            known.extend(kept.map(|poses| (number, poses)));
         }
-        let numbered = (first..).zip(poses);
-        known.extend(numbered.filter(|(number, _)| repeated.contains(number)));
     };
     let mut figures = walk_stream(stream, settings, &mut measure_up_to);
     // What nothing was printed on.
-    measure_up_to(u32::MAX, &[]);
+    measure_up_to(u32::MAX, Vec::new());
     figures.skirt_mm = skirt_mm;
     figures.passes = print_of_pass.len();
     let layers: Vec<u32> = prints.iter().map(|print| print.layer).collect();
@@ -128,16 +129,23 @@ pub fn measure(
     (figures, measured)
 }
 
-/// The poses of each of the printings.
+/// The poses of each of the printings. A large one has millions: those of the only one are not copied.
 fn poses_of_prints(
-    poses: &[SweptPose],
+    poses: Vec<SweptPose>,
     print_of_pass: &[usize],
     prints: Range<usize>,
 ) -> Vec<Vec<SweptPose>> {
+    let print_of = |pose: &SweptPose| print_of_pass.get(pose.pass as usize).copied();
+    if prints.len() == 1
+        && poses
+            .iter()
+            .all(|pose| print_of(pose) == Some(prints.start))
+    {
+        return vec![poses];
+    }
     let mut of_prints = vec![Vec::new(); prints.len()];
     for pass in poses.chunk_by(|p, q| p.pass == q.pass) {
-        let print = print_of_pass.get(pass[0].pass as usize);
-        if let Some(print) = print.filter(|print| prints.contains(print)) {
+        if let Some(print) = print_of(&pass[0]).filter(|print| prints.contains(print)) {
             of_prints[print - prints.start].extend_from_slice(pass);
         }
     }
@@ -218,8 +226,10 @@ impl<'a> PrintedRegion<'a> {
     }
 
     /// What the poses sweep of the region, and how deep they leave it.
-    fn measure(&self, poses: &[SweptPose], cell_mm: f64) -> (Swept, RegionRaster) {
-        let poses: Vec<SweptPose> = poses.iter().map(|pose| self.local(pose)).collect();
+    fn measure(&self, mut poses: Vec<SweptPose>, cell_mm: f64) -> (Swept, RegionRaster) {
+        for pose in &mut poses {
+            *pose = self.local(pose);
+        }
         let (depth_mm, at) = deepest(&poses, &self.walls, self.settings);
         let at = self.contour.to_input(self.frame.point_out(at.center));
         let (shares, raster) = self.sweep(&poses, cell_mm);
@@ -274,7 +284,7 @@ fn length_off_regions_mm(poses: &[SweptPose], region_of_pass: &[usize]) -> f64 {
 fn walk_stream(
     stream: &SegmentStream,
     settings: &Settings,
-    of_layer: &mut impl FnMut(u32, &[SweptPose]),
+    of_layer: &mut impl FnMut(u32, Vec<SweptPose>),
 ) -> PlanFigures {
     let servo_hz = f64::from(settings.machine.servo_hz);
     let mut figures = PlanFigures::default();
@@ -300,8 +310,7 @@ fn walk_stream(
             .clamp(2.0, 4096.0) as usize;
         let printing = mark.filter(|m| m.state == MotionState::Print);
         if let Some(mark) = printing.filter(|mark| mark.layer != layer) {
-            of_layer(layer, &poses);
-            poses.clear();
+            of_layer(layer, std::mem::take(&mut poses));
             layer = mark.layer;
         }
         for step in 0..steps {
@@ -332,7 +341,7 @@ fn walk_stream(
         let [before, after] = [0.0, ticks].map(|local| span.position(local)[CHANNEL_VOLUME]);
         figures.volume_mm3 += after - before;
     }
-    of_layer(layer, &poses);
+    of_layer(layer, poses);
     figures.print_s = ticks_done as f64 / servo_hz;
     figures
 }
