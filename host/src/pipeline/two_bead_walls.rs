@@ -53,9 +53,9 @@ impl TwoBeadWalls {
 
     fn add_region(&mut self, region: &RegionPlan, layers: f64, settings: &Settings) {
         let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
-        let one_mm = match settings.pass_mode {
+        let one_mm = match region.pass_mode {
             PassMode::Two => WIDEST_SINGLE_SHARE * a,
-            PassMode::One => a,
+            PassMode::One => (1.0 + SPANNED_SLACK) * a,
         };
         let axis = &region.axis;
         for nodes in &axis.links {

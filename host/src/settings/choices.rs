@@ -43,7 +43,7 @@ macro_rules! choice {
 choice! {
     /// How passes are laid where the passage is narrow.
     PassMode {
-        /// Two passes, one along either wall, one where two do not fit.
+        /// Two passes, one along either wall; one where two do not fit, or where that takes less.
         Two = "two",
         /// One pass between the walls wherever the aperture spans them.
         One = "one",

@@ -32,34 +32,39 @@ const HEADINGS: usize = 36;
 /// Of the passes that compete after their first optimisation, those that get gap-fill moves: one heading gains more by them.
 const FINISHED: usize = 2;
 
-/// These passes optimised or, for a head that turns slowly, those of one heading throughout if they cost less.
+/// Of several passes of a region, and for a head that turns slowly those of one heading throughout, the ones that cost
+/// least, optimised; and their number, of one heading that of all.
 pub fn least_costly(
-    turning: Vec<LayerPass>,
+    turning: Vec<Vec<LayerPass>>,
     hull: &Region,
     job: &RegionJob,
     how: &PassSettings,
-) -> FinishedPasses {
+) -> (usize, FinishedPasses) {
     let settings = job.settings;
     let headings = match may_keep_one_heading(job.ground, settings) {
         true => OneHeading::candidates(hull, settings.aperture),
         false => Vec::new(),
     };
-    if headings.is_empty() {
-        return job.optimised(turning);
+    let mut turning = turning;
+    if headings.is_empty() && turning.len() <= 1 {
+        return (0, job.optimised(turning.pop().unwrap_or_default()));
     }
+    let count = turning.len();
     let kept = headings.into_par_iter();
-    let kept = kept.map(|heading| heading.passes(hull, how, settings));
-    let mut all: Vec<BegunPasses> = rayon::iter::once(turning)
+    let kept = kept.map(|heading| (count, heading.passes(hull, how, settings)));
+    let mut all: Vec<(usize, BegunPasses)> = (turning.into_par_iter().enumerate())
         .chain(kept)
-        .map(|passes| job.begun(passes))
+        .map(|(number, passes)| (number, job.begun(passes)))
         .collect();
-    // A stable order: of equals the passes that turn.
-    all.sort_by(|p, q| cheaper(p.cost_s(settings), q.cost_s(settings)));
+    // A stable order: of equals the first.
+    all.sort_by(|(_, p), (_, q)| cheaper(p.cost_s(settings), q.cost_s(settings)));
     all.truncate(FINISHED);
     let finished = all.into_par_iter();
-    let finished: Vec<FinishedPasses> = finished.map(|begun| job.finished(begun)).collect();
+    let finished: Vec<(usize, FinishedPasses)> = finished
+        .map(|(number, begun)| (number, job.finished(begun)))
+        .collect();
     let least = finished.into_iter();
-    let least = least.min_by(|p, q| cheaper(p.cost_s, q.cost_s));
+    let least = least.min_by(|(_, p), (_, q)| cheaper(p.cost_s, q.cost_s));
     least.unwrap_or_default()
 }
 
@@ -343,8 +348,8 @@ mod tests {
             in_printing_order(passes, Point2::origin(), &fast)
         };
         let range_rad = |settings: &Settings| {
-            let found = least_costly(
-                turning(),
+            let (_, found) = least_costly(
+                vec![turning()],
                 &part,
                 &RegionJob::new(&ground, settings),
                 &how(settings),

@@ -19,6 +19,7 @@ use crate::plan::layers::region_plan::warm_start::WarmStart;
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::pass::LayerPass;
+use crate::settings::PassMode;
 use crate::settings::kinds::Kinds;
 use std::sync::Arc;
 
@@ -55,6 +56,8 @@ pub struct RegionPlan {
     pub sparse: Vec<Region>,
     /// Speeds and flows by kind, where they are not the job's.
     pub kinds: Option<Kinds>,
+    /// How its passes are laid where a passage is narrow.
+    pub pass_mode: PassMode,
     /// What the next layer may start from.
     pub(super) warm_start: Option<WarmStart>,
 }

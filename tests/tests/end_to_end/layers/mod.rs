@@ -6,6 +6,7 @@ mod bridges;
 mod infill;
 mod keep_out;
 mod method_figures;
+mod one_bead_or_two;
 mod own_settings;
 mod stacks;
 mod told_ground;

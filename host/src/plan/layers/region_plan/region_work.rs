@@ -14,6 +14,7 @@ use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::repair::FillRule;
 use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::axis::pruned_axis::Axis;
+use crate::plan::beads::division::{SPANNED_SLACK, WIDEST_SINGLE_SHARE};
 use crate::plan::beads::infill::{bridge_lines, infill_passes, roof_lines};
 use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
 use crate::plan::coverage::raster::{same_bead_mm, within_walls};
@@ -231,19 +232,58 @@ impl RegionWork {
     /// Its passes in printing order, in either direction ([`RegionPlan::turned`]): joins must not
     /// depend on the region's position on the machine.
     fn in_order(mut self) -> RegionPlan {
-        let passes = std::mem::take(&mut self.passes);
-        let turning = self.ordered(passes);
+        let own = std::mem::take(&mut self.passes);
+        let own = self.ordered(own);
+        let spanned = self.spanned(&own);
+        let turning: Vec<Vec<LayerPass>> = std::iter::once(own).chain(spanned).collect();
+        let count = turning.len();
         let ground = self.ground();
         let job = RegionJob::new(&ground, &self.settings);
         let how = pass_settings(&self.settings);
-        let mut found = least_costly(turning, &self.hull, &job, &how);
+        let (number, mut found) = least_costly(turning, &self.hull, &job, &how);
+        let is_spanned = (1..count).contains(&number);
         if let Some(pieces) = self.cutter(&found.passes).cut() {
             found = FinishedPasses {
                 solution: None,
                 ..job.optimised(pieces)
             };
         }
+        if is_spanned {
+            self.settings.pass_mode = PassMode::One;
+        }
         self.with(found)
+    }
+
+    /// The passes with one bead wherever one spans the walls, where that may save much of the path of these: what it costs in
+    /// interruptions of flow is for the objective to say.
+    fn spanned(&self, own: &[LayerPass]) -> Option<Vec<LayerPass>> {
+        let settings = &self.settings;
+        let may_be_tried = settings.pass_mode == PassMode::Two
+            && settings.infill.is_none()
+            && self.may_start_warm();
+        if !may_be_tried || self.spanned_mm() < SPANNED_SHARE * length_mm(own) {
+            return None;
+        }
+        let how = PassSettings {
+            one_pass: true,
+            ..pass_settings(settings)
+        };
+        Some(self.ordered(passes(&self.hull, &self.walls, &self.axis, &how)))
+    }
+
+    /// Length of the walls that one bead spans, though it would not by default.
+    fn spanned_mm(&self) -> f64 {
+        let (axis, a_mm) = (&self.axis, self.settings.aperture.major_mm());
+        let spanned_mm = WIDEST_SINGLE_SHARE * a_mm..=(1.0 + SPANNED_SLACK) * a_mm;
+        let lengths_mm = axis.links.iter().map(|nodes| {
+            let [p, q] = nodes.map(|node| node as usize);
+            let half_mm = axis.radii_mm[p].max(axis.radii_mm[q]);
+            match spanned_mm.contains(&half_mm) {
+                true => (axis.points[p] - axis.points[q]).norm(),
+                false => 0.0,
+            }
+        });
+        lengths_mm.sum()
     }
 
     fn ground(&self) -> Ground<'_> {
@@ -311,6 +351,7 @@ impl RegionWork {
             open,
             sparse: self.sparse_ground.iter().map(out).collect(),
             kinds: self.kinds,
+            pass_mode: self.settings.pass_mode,
             warm_start,
         }
     }
@@ -358,6 +399,7 @@ impl RegionWork {
         let start = other.warm_start.as_ref()?;
         let start = (start.walls == walls).then(|| start.moved(&from, &to, aperture))??;
         let mut work = self.clone();
+        work.settings.pass_mode = other.pass_mode;
         work.open = start.open;
         work.fill_open(inside);
         // Solid lines are linked with walls.
@@ -404,8 +446,7 @@ impl RegionWork {
         let tried = corners.into_par_iter().map(|corner| {
             let passes = from(corner, passes.clone());
             let aperture = &self.settings.aperture;
-            let path_mm: f64 = passes.iter().map(LayerPass::length_mm).sum();
-            let strip_mm2 = aperture.minor_mm() * path_mm;
+            let strip_mm2 = aperture.minor_mm() * length_mm(&passes);
             let wasted_mm2 = wasted_area_mm2(&passes, aperture, &self.walls) + strip_mm2;
             // Of corners that are alike, rounding must not choose.
             ((passes.len(), (wasted_mm2 * 1e3).round() as u64), passes)
@@ -417,6 +458,8 @@ impl RegionWork {
     }
 }
 
+/// Share of the path that one bead in place of two has to save to be tried: a second optimisation of the region.
+const SPANNED_SHARE: f64 = 0.15;
 /// Most placements of a region that is ordered from several corners, of about 60 mm of path: where it begins counts on
 /// parts of a few mm. On larger ones the four came out as one, at a third of the processor time of the whole plan.
 const TINY_MAX: usize = 600;
@@ -428,6 +471,10 @@ fn wasted_area_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex)
     let raster = within_walls(passes, walls, aperture, CELLS_MAX, same_bead_mm(aperture));
     let wasted = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
     raster.cells.iter().filter(wasted).count() as f64 * raster.cell_mm.powi(2)
+}
+
+fn length_mm(passes: &[LayerPass]) -> f64 {
+    passes.iter().map(LayerPass::length_mm).sum()
 }
 
 /// Where the first pass begins and the last one ends.
