@@ -33,7 +33,8 @@ const HEADINGS: usize = 36;
 const FINISHED: usize = 2;
 
 /// Of several passes of a region, and for a head that turns slowly those of one heading throughout, the ones that cost
-/// least, optimised; and their number, of one heading that of all.
+/// least, optimised; and their number, of one heading that of all. The second of several are to save time: where they
+/// take more than the first, they do not count.
 pub fn least_costly(
     turning: Vec<Vec<LayerPass>>,
     hull: &Region,
@@ -63,7 +64,12 @@ pub fn least_costly(
     let finished: Vec<(usize, FinishedPasses)> = finished
         .map(|(number, begun)| (number, job.finished(begun)))
         .collect();
+    let first_s = finished.iter().find(|(number, _)| *number == 0);
+    let first_s = first_s.map_or(f64::INFINITY, |(_, first)| first.time_s);
+    let saves_time =
+        |number: usize, time_s: f64| !(1..count).contains(&number) || time_s <= first_s;
     let least = finished.into_iter();
+    let least = least.filter(|(number, found)| saves_time(*number, found.time_s));
     let least = least.min_by(|(_, p), (_, q)| cheaper(p.cost_s, q.cost_s));
     least.unwrap_or_default()
 }

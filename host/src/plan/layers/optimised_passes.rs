@@ -63,6 +63,8 @@ pub struct FinishedPasses {
     pub curves: Vec<PassCurve>,
     /// The objective, s ([`BegunPasses::cost_s`]).
     pub cost_s: Option<f64>,
+    /// What of it is time.
+    pub time_s: f64,
     /// What another region like this one may start from.
     pub solution: Option<Solution>,
 }
@@ -95,8 +97,11 @@ impl BegunPasses {
     pub fn cost_s(&self, settings: &Settings) -> Option<f64> {
         let is_all = self.numbers.len() == self.passes.len();
         let reached = self.reached.filter(|_| is_all)?;
-        let interrupted_s = self.passes.len() as f64 * interruption_s(settings);
-        Some(reached.cost_s + interrupted_s)
+        Some(reached.cost_s + self.interrupted_s(settings))
+    }
+
+    fn interrupted_s(&self, settings: &Settings) -> f64 {
+        self.passes.len() as f64 * interruption_s(settings)
     }
 }
 
@@ -111,6 +116,8 @@ struct Reached {
     open_mm2: f64,
     /// Its objective, s.
     cost_s: f64,
+    /// What of it is time.
+    time_s: f64,
 }
 
 /// A pass that the optimiser knows, when it is done.
@@ -200,6 +207,8 @@ impl<'a> RegionJob<'a> {
         let (found, reached) = self.filled(known, begun, all.reached);
         all.reached = reached;
         let cost_s = all.cost_s(self.settings);
+        let moving_s = reached.map_or(0.0, |reached| reached.time_s);
+        let time_s = moving_s + all.interrupted_s(self.settings);
         let mut passes = all.passes;
         let mut curves = vec![None; passes.len()];
         let cost_s_mm2 = reached.map(|reached| reached.cost_s / self.ground_mm2);
@@ -212,6 +221,7 @@ impl<'a> RegionJob<'a> {
             passes,
             curves,
             cost_s,
+            time_s,
             solution,
         }
     }
@@ -235,8 +245,8 @@ impl<'a> RegionJob<'a> {
         Some(FinishedPasses {
             passes,
             curves,
-            cost_s: None,
             solution: Some(solution),
+            ..FinishedPasses::default()
         })
     }
 
@@ -439,6 +449,7 @@ impl<'a> RegionJob<'a> {
         Some(Reached {
             open_mm2,
             cost_s: report.seconds[1] + objective.price_s_mm2 * area_mm2,
+            time_s: report.seconds[1],
         })
     }
 

@@ -71,11 +71,12 @@ fn grating(width_mm: f64) -> Target {
     )
 }
 
-/// Seconds with the price of area at standard quality: 2 s/mm² open, half of that laid twice.
+/// Seconds with the price of area at standard quality, 2 s/mm² open and half of that laid twice, and an interruption of flow
+/// for each pass: 50 mm at 57 mm/s.
 fn cost_s(plan: &Plan) -> f64 {
     let f = &plan.figures;
     let share = (100.0 - f.covered_pct) + 0.5 * f.overlap_pct;
-    f.print_s + 2.0 * 0.01 * share * f.area_mm2
+    f.print_s + 2.0 * 0.01 * share * f.area_mm2 + f.passes as f64 * 50.0 / 57.0
 }
 
 #[test]

@@ -261,7 +261,7 @@ impl RegionWork {
         let may_be_tried = settings.pass_mode == PassMode::Two
             && settings.infill.is_none()
             && self.may_start_warm();
-        if !may_be_tried || self.spanned_mm() < SPANNED_SHARE * length_mm(own) {
+        if !may_be_tried || self.spanned_mm() <= SPANNED_SHARE * length_mm(own) {
             return None;
         }
         let how = PassSettings {
