@@ -48,8 +48,9 @@ pub fn moving(
 ) -> Option<Moving> {
     let mut moves = vec![false; now.len()];
     for pass in passes.iter().filter(|pass| pass.free) {
-        for knot in pass.first..pass.end() {
-            moves[knot] = has_moved(before, now, knot, pass);
+        let own = moves.iter_mut().enumerate().take(pass.end());
+        for (knot, moves) in own.skip(pass.first) {
+            *moves = has_moved(before, now, knot, pass);
         }
     }
     let moves = with_those_beside(&moves, stays, passes);
