@@ -38,6 +38,26 @@ pub struct Moving {
     pub reach: f64,
 }
 
+impl Moving {
+    /// The part's knots among all.
+    pub fn own(&self, all: &[Knot]) -> Vec<Knot> {
+        self.knots.iter().map(|&knot| all[knot]).collect()
+    }
+
+    /// Of the part's knots those that move.
+    pub fn moving<'k>(&'k self, own: &'k [Knot]) -> impl Iterator<Item = &'k Knot> {
+        let knots = own.iter().zip(&self.stays);
+        knots.filter(|(_, stays)| !**stays).map(|(knot, _)| knot)
+    }
+
+    /// Puts the part's knots back among all.
+    pub fn put_back(&self, own: &[Knot], all: &mut [Knot]) {
+        for (&knot, own) in self.knots.iter().zip(own) {
+            all[knot] = *own;
+        }
+    }
+}
+
 /// The part that moved between two times, except for what `stays` in any case; `None` if that is almost all. The aperture
 /// reaches `radius` from its middle.
 pub fn moving(
@@ -134,7 +154,7 @@ fn near(knots: &[Knot], moves: &[bool], reach: f64) -> Vec<bool> {
     let [columns, rows] = squares.counts;
     let mut held = vec![false; columns * rows];
     for (knot, _) in knots.iter().zip(moves).filter(|(_, moves)| **moves) {
-        held[squares.number(knot)] = true;
+        held[squares.number([knot[0], knot[1]])] = true;
     }
     let steps = (reach / squares.side) as usize + 1;
     let mut grown = vec![false; columns * rows];
@@ -148,7 +168,7 @@ fn near(knots: &[Knot], moves: &[bool], reach: f64) -> Vec<bool> {
             grown[other * columns + from..other * columns + to].fill(true);
         }
     }
-    let is_near = |knot| grown[squares.number(knot)];
+    let is_near = |knot: &Knot| grown[squares.number([knot[0], knot[1]])];
     knots.iter().map(is_near).collect()
 }
 
@@ -180,8 +200,8 @@ impl Squares {
         }
     }
 
-    fn number(&self, knot: &Knot) -> usize {
-        let [column, row] = self.place([knot[0], knot[1]]);
+    fn number(&self, at: [f64; 2]) -> usize {
+        let [column, row] = self.place(at);
         row * self.counts[0] + column
     }
 
@@ -200,12 +220,8 @@ impl Squares {
 
     /// The numbers of points by the square that they are in, and for each square where its own begin.
     pub fn sorted(&self, points: impl Iterator<Item = [f64; 2]> + Clone) -> [Vec<u32>; 2] {
-        let number = |at| {
-            let [column, row] = self.place(at);
-            row * self.counts[0] + column
-        };
         let mut ends = vec![0; self.counts[0] * self.counts[1] + 1];
-        let squares = points.map(number);
+        let squares = points.map(|at| self.number(at));
         for square in squares.clone() {
             ends[square + 1] += 1;
         }

@@ -274,11 +274,8 @@ impl<'a> Newton<'a> {
             damping,
             ..
         } = self;
-        let own: Vec<Knot> = part.knots.iter().map(|&knot| knots[knot]).collect();
-        let moving: Vec<Knot> = (own.iter().zip(&part.stays))
-            .filter(|(_, stays)| !**stays)
-            .map(|(knot, _)| *knot)
-            .collect();
+        let own = part.own(&knots);
+        let moving: Vec<Knot> = part.moving(&own).copied().collect();
         objectives.ground.keep_near(&moving, part.reach);
         objectives.containment.forget(own.len());
         Newton {

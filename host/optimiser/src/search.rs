@@ -69,7 +69,7 @@ impl Whole {
         for (knot, pace) in knots.iter_mut().zip(paces) {
             knot[PACE] = pace.unwrap_or(knot[PACE]);
         }
-        let own = part.knots.iter().map(|&knot| knots[knot]).collect();
+        let own = part.own(knots);
         let all = std::mem::replace(knots, own);
         let all_passes = std::mem::replace(passes, part.passes.clone());
         let moving = tools.motion.time(knots, passes, &part.stays);
@@ -131,8 +131,8 @@ impl<'a> Search<'a> {
         let mut stays = vec![false; knots.len()];
         if let Some(Whole { part, .. }) = &whole {
             stays.clone_from(&part.stays);
-            let moving = knots.iter().zip(&stays).filter(|(_, stays)| !**stays);
-            cells.keep_near(moving.map(|([x, y, ..], _)| [*x, *y]), part.reach);
+            let moving = part.moving(&knots).map(|[x, y, ..]| [*x, *y]);
+            cells.keep_near(moving, part.reach);
         }
         let price = objective.price_s_mm2 * units.length_mm.powi(2) / units.time_s;
         let return_path = (objective.return_mm / units.length_mm) as f32;
@@ -167,9 +167,7 @@ impl<'a> Search<'a> {
         let Some(mut whole) = self.whole else {
             return searched;
         };
-        for (&knot, own) in whole.part.knots.iter().zip(searched.knots) {
-            whole.knots[knot] = own;
-        }
+        whole.part.put_back(&searched.knots, &mut whole.knots);
         Searched {
             knots: whole.knots,
             passes: whole.passes,
@@ -196,9 +194,7 @@ fn iterated(units: Units, mut newton: Newton, effort: &Effort) -> Searched {
         newton = newton.narrowed(&part);
         let before = newton.terms;
         newton.run(first + 1..=count, effort, |_, _| {});
-        for (&knot, own) in part.knots.iter().zip(&newton.knots) {
-            knots[knot] = *own;
-        }
+        part.put_back(&newton.knots, &mut knots);
         terms.time += newton.terms.time - before.time;
         terms.open += newton.terms.open - before.open;
         terms.twice += newton.terms.twice - before.twice;
