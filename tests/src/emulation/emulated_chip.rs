@@ -193,6 +193,16 @@ impl EmulatedChip {
         self.debugger.let_go();
     }
 
+    /// What a running chip has written up to now; only writes are traced before and after.
+    pub fn writes_so_far(&mut self) -> Vec<Write> {
+        self.debugger.halt();
+        self.say("monitor", "trace-event memory_region_ops_read on");
+        let found = self.writes();
+        self.say("monitor", "trace-event memory_region_ops_read off");
+        self.debugger.let_go();
+        found
+    }
+
     /// What was written up to now; the chip stands still.
     pub fn writes(&mut self) -> Vec<Write> {
         self.debugger.word(MARK);

@@ -176,8 +176,8 @@ fn a_press_of_the_emergency_input_stops_the_steps_and_a_spike_does_not() {
     let output = jog.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(stderr(&output).contains("emergency"), "{}", stderr(&output));
-    // What was written before the stop was reported, then what comes after that.
-    chip.writes_until(after(10 * WRITES_MAX, |_| true), SILENCE);
+    // The trace may be seconds behind. What was written before the stop was reported, then what comes after that.
+    chip.writes_so_far();
     let rest = chip.writes_until(after(10 * WRITES_MAX, |_| true), SILENCE);
     assert_eq!(steps(&rest), 0, "it stands");
 }
