@@ -57,14 +57,9 @@ impl TwoBeadWalls {
             PassMode::Two => WIDEST_SINGLE_SHARE * a,
             PassMode::One => (1.0 + SPANNED_SLACK) * a,
         };
-        let axis = &region.axis;
-        for nodes in &axis.links {
-            let [p, q] = nodes.map(|node| node as usize);
-            let length_mm = layers * (axis.points[p] - axis.points[q]).norm();
-            let half_mm = axis.radii_mm[p].max(axis.radii_mm[q]);
-            if half_mm < b {
-                continue;
-            }
+        let links = region.axis.lengths_and_radii_mm();
+        for (link_mm, half_mm) in links.filter(|(_, half_mm)| *half_mm >= b) {
+            let length_mm = layers * link_mm;
             self.all_mm += length_mm;
             if half_mm > one_mm && half_mm <= BEADS_MAX * a {
                 self.two_mm += length_mm;

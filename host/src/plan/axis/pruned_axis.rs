@@ -44,6 +44,15 @@ impl Axis {
         neighbours
     }
 
+    /// Each link's length and the larger radius of its two ends, mm.
+    pub fn lengths_and_radii_mm(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.links.iter().map(|nodes| {
+            let [p, q] = nodes.map(|node| node as usize);
+            let length_mm = (self.points[p] - self.points[q]).norm();
+            (length_mm, self.radii_mm[p].max(self.radii_mm[q]))
+        })
+    }
+
     /// The axis with no link longer than `step_mm`, radii interpolated linearly.
     pub fn densified(&self, step_mm: f64) -> Axis {
         self.divided(|delta, [rp, rq]| {

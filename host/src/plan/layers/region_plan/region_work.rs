@@ -273,17 +273,11 @@ impl RegionWork {
 
     /// Length of the walls that one bead spans, though it would not by default.
     fn spanned_mm(&self) -> f64 {
-        let (axis, a_mm) = (&self.axis, self.settings.aperture.major_mm());
+        let a_mm = self.settings.aperture.major_mm();
         let spanned_mm = WIDEST_SINGLE_SHARE * a_mm..=(1.0 + SPANNED_SLACK) * a_mm;
-        let lengths_mm = axis.links.iter().map(|nodes| {
-            let [p, q] = nodes.map(|node| node as usize);
-            let half_mm = axis.radii_mm[p].max(axis.radii_mm[q]);
-            match spanned_mm.contains(&half_mm) {
-                true => (axis.points[p] - axis.points[q]).norm(),
-                false => 0.0,
-            }
-        });
-        lengths_mm.sum()
+        let links = self.axis.lengths_and_radii_mm();
+        let spanned = links.filter(|(_, half_mm)| spanned_mm.contains(half_mm));
+        spanned.map(|(length_mm, _)| length_mm).sum()
     }
 
     fn ground(&self) -> Ground<'_> {
