@@ -179,5 +179,6 @@ fn a_press_of_the_emergency_input_stops_the_steps_and_a_spike_does_not() {
     // The trace may be seconds behind. What was written before the stop was reported, then what comes after that.
     chip.writes_so_far();
     let rest = chip.writes_until(after(10 * WRITES_MAX, |_| true), SILENCE);
+    assert!(!rest.is_empty(), "its servo goes on");
     assert_eq!(steps(&rest), 0, "it stands");
 }
