@@ -11,8 +11,8 @@ use crate::geometry::plane_curve::PlaneControl;
 use crate::geometry::polygon::Region;
 use crate::plan::curve::curls::without_curls;
 use crate::plan::curve::even_spans::even_spans;
-use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened};
-use crate::plan::curve::optimised_curve::{Begun, checked, placements_on, take};
+use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened, whole_inside};
+use crate::plan::curve::optimised_curve::{Begun, placements_on, take};
 use crate::plan::curve::pushing_inside::InsideWalls;
 use crate::plan::joining::gap_fill::fill_gaps;
 use crate::plan::joining::order::interruption_mm;
@@ -375,7 +375,7 @@ impl<'a> RegionJob<'a> {
             scale: self.ground.scale,
         };
         let known = passes.into_iter().zip(begun).map(|(mut pass, mut begun)| {
-            let curve = checked(&begun.unknown.control, &inside);
+            let curve = whole_inside(&begun.unknown.control, &inside);
             if let Some(control) = &curve {
                 // A curve that was led around has a few more points than it began with.
                 let share = (begun.numbers.len() - 1) as f64 / (control.len() - 1) as f64;
