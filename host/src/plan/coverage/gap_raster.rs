@@ -278,14 +278,15 @@ impl GapRaster {
     }
 
     /// The area that a gap-fill move after placement `after` covers, and that of the 4a of the pass
-    /// before and after it.
+    /// before and after it; `None` if it covers no more open area than `least_mm2`.
     pub fn footprint(
         &self,
         pass: &LayerPass,
         after: usize,
         fill: &[Configuration],
         aperture: &Aperture,
-    ) -> Footprint {
+        least_mm2: f64,
+    ) -> Option<Footprint> {
         let return_mm = same_bead_mm(aperture);
         let placements = &pass.placements;
         let start = placements[after].at;
@@ -297,6 +298,11 @@ impl GapRaster {
             walk.go(Part::GapFillMove, q, p, at_mm);
         }
         walk.end(Part::GapFillMove);
+        let is_open = |own: &&Listed| self.coverage.cells[own.cell as usize] == Cell::Gap;
+        let open = walk.listed.iter().filter(is_open).count();
+        if open as f64 * self.cell_area_mm2() <= least_mm2 {
+            return None;
+        }
         let end_mm = at_mm + return_mm;
         for pair in placements[after..].windows(2) {
             let (p, q) = (pair[0].at, pair[1].at);
@@ -323,9 +329,9 @@ impl GapRaster {
             is_own: listed.is_own,
             is_returned_to: listed.last_mm - listed.first_mm > return_mm as f32,
         };
-        Footprint {
+        Some(Footprint {
             cells: walk.listed.iter().map(cell).collect(),
-        }
+        })
     }
 }
 
@@ -537,20 +543,25 @@ mod tests {
         let own = bead(0.6);
         let index = 27;
         let mut raster = GapRaster::of(std::slice::from_ref(&own), &APERTURE, &walls(&[BAR]));
-        let footprint = raster.footprint(&own, index, &near, &APERTURE);
+        let footprint_of = |raster: &GapRaster, pass: &LayerPass, fill: &[Configuration]| {
+            raster
+                .footprint(pass, index, fill, &APERTURE, 0.0)
+                .expect("open area")
+        };
+        let footprint = footprint_of(&raster, &own, &near);
         let gained = raster.net_mm2(&footprint);
         // The aperture swept over 0.4 mm, less what lies in the bead below y = 1.2 mm.
         assert!((0.10..0.17).contains(&gained), "{gained}");
         // 3.8 mm of path: a bead of 1.5 mm and its ends are gone over again.
-        let net = raster.net_mm2(&raster.footprint(&own, index, &far, &APERTURE));
+        let net = raster.net_mm2(&footprint_of(&raster, &own, &far));
         let paid = (gained - net) / NET_AGAIN_WEIGHT;
         assert!((1.0..3.0).contains(&paid), "{paid}");
         raster.cover(&footprint);
         assert!(raster.net_mm2(&footprint) <= 0.0);
         let both = [own, bead(1.8)];
         let raster = GapRaster::of(&both, &APERTURE, &walls(&[BAR]));
-        let net = raster.net_mm2(&raster.footprint(&both[0], index, &near, &APERTURE));
-        assert!(net < 0.0, "{net}");
+        let none = raster.footprint(&both[0], index, &near, &APERTURE, 0.0);
+        assert!(none.is_none_or(|none| raster.net_mm2(&none) < 0.0));
     }
 
     /// Goal: gaps and sums that follow what is covered are those of a fresh search. Method: a bar
@@ -565,8 +576,9 @@ mod tests {
         let first = counts(&raster);
         for (index, y) in [(10, 1.1), (30, 1.3), (50, 1.0)] {
             let x = own.placements[index].at.center.x;
-            let footprint = raster.footprint(&own, index, &[at(x, y), at(x, 0.6)], &APERTURE);
-            raster.cover(&footprint);
+            let way = [at(x, y), at(x, 0.6)];
+            let footprint = raster.footprint(&own, index, &way, &APERTURE, 0.0);
+            raster.cover(&footprint.expect("open area"));
             raster.update();
             let followed = counts(&raster);
             assert!(followed != first);

@@ -127,9 +127,9 @@ impl Raster {
         &self.grid
     }
 
-    /// The number of passes that cover a cell.
-    pub fn count(&self, cell: usize) -> u32 {
-        u32::from(self.counts[cell])
+    /// The numbers of passes that cover the cells of a row, from this column on.
+    pub fn counts(&self, row: usize, column: usize) -> &[u16] {
+        &self.counts[row * self.grid.columns..][column..self.grid.columns]
     }
 
     /// Area of one cell, mm².

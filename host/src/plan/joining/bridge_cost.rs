@@ -215,22 +215,38 @@ impl PairCosts<'_> {
                 }
             }
         }
-        let all_columns = self.raster.grid().columns;
-        let cells = self.marks.iter().enumerate();
-        let cells = cells.filter(|(_, mark)| **mark != 0);
-        cells
-            .map(|(at, mark)| {
-                let (old, new) = ((mark & 3).count_ones(), (mark >> 2).count_ones());
-                let row = at / columns + low[0] as usize;
-                let cell = row * all_columns + at % columns + low[1] as usize;
-                let others = self.raster.count(cell).saturating_sub(old);
-                waste(others + new) - waste(others + old)
-            })
-            .sum()
+        let rows = (low[0] as usize..).zip(self.marks.chunks(columns));
+        rows.map(|(row, marks)| {
+            let counts = self.raster.counts(row, low[1] as usize);
+            let beads = marks.iter().map(|&mark| BEADS[usize::from(mark)]);
+            // Unchanged print, most of it, is not looked up.
+            let changed = beads.zip(counts).filter(|([old, new], _)| old != new);
+            changed
+                .map(|([old, new], &count)| {
+                    let others = count.saturating_sub(old);
+                    waste(others + new) - waste(others + old)
+                })
+                .sum::<i64>()
+        })
+        .sum()
     }
 }
 
+/// By the marks of a cell, the beads of the two loops over it before and after.
+const BEADS: [[u16; 2]; 16] = {
+    let mut beads = [[0; 2]; 16];
+    let mut mark = 0;
+    while mark < 16 {
+        beads[mark] = [
+            (mark & 3).count_ones() as u16,
+            (mark >> 2).count_ones() as u16,
+        ];
+        mark += 1;
+    }
+    beads
+};
+
 /// 1 if a cell under this many beads is open or covered again, 0 under one bead.
-fn waste(beads: u32) -> i64 {
+fn waste(beads: u16) -> i64 {
     i64::from(beads != 1)
 }

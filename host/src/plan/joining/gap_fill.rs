@@ -59,22 +59,21 @@ pub fn fill_gaps(
         let gaps: Vec<Vec<u32>> = raster.gaps().iter().filter(is_open).cloned().collect();
         let mut moves: Vec<GapFillMove> = Vec::new();
         for gaps in gaps.chunks(BATCH) {
-            let found: Vec<Vec<GapFillMove>> = gaps
+            let found: Vec<Option<GapFillMove>> = gaps
                 .par_iter()
                 .map(|gap| {
-                    let at = raster.best_placement(gap, aperture, walls);
-                    at.map_or(Vec::new(), |at| {
-                        starts.gap_fill_moves_to(at, &raster, passes, aperture, walls)
-                    })
+                    let at = raster.best_placement(gap, aperture, walls)?;
+                    starts.best_move_to(at, &raster, passes, aperture, walls, price)
                 })
                 .collect();
-            for (gap, ways) in gaps.iter().zip(found) {
+            for (gap, found) in gaps.iter().zip(found) {
                 // Gap-fill moves of this round may have closed the gap already.
-                if let Some(fill) = best_of(ways, &raster, price) {
-                    raster.cover(&fill.footprint);
-                    moves.push(fill);
-                } else {
-                    *failures.entry((gap[0], gap.len())).or_default() += 1;
+                match found.filter(|found| found.net_mm2(&raster) > 0.0) {
+                    Some(found) => {
+                        raster.cover(&found.footprint);
+                        moves.push(found);
+                    }
+                    None => *failures.entry((gap[0], gap.len())).or_default() += 1,
                 }
             }
         }
@@ -93,18 +92,15 @@ struct GapFillMove {
     /// Out and back, without the start at the beginning and repeating it at the end.
     fill: Vec<Configuration>,
     footprint: Footprint,
+    /// The area that its time is worth.
+    cost_mm2: f64,
 }
 
-/// The gap-fill move with the largest net gain, if any is worth its path.
-fn best_of(moves: Vec<GapFillMove>, raster: &GapRaster, price: &AreaPrice) -> Option<GapFillMove> {
-    let mut best: Option<(f64, GapFillMove)> = None;
-    for fill in moves {
-        let net = raster.net_mm2(&fill.footprint) - price.of_gap_fill_mm2(&fill.fill);
-        if net > best.as_ref().map_or(0.0, |b| b.0) {
-            best = Some((net, fill));
-        }
+impl GapFillMove {
+    /// What it gains beyond its time.
+    fn net_mm2(&self, raster: &GapRaster) -> f64 {
+        raster.net_mm2(&self.footprint) - self.cost_mm2
     }
-    best.map(|(_, fill)| fill)
 }
 
 /// Where gap-fill moves may start: the placements of all passes, by place.
@@ -149,29 +145,42 @@ impl Starts {
         found.iter().map(|f| [f.1, f.2]).collect()
     }
 
-    /// Gap-fill moves to `at` from the nearest starts that have a connection there.
-    fn gap_fill_moves_to(
+    /// The gap-fill move to `at` with the largest net gain from the nearest starts that have a connection there, if any
+    /// is worth its path.
+    fn best_move_to(
         &self,
         at: Configuration,
         raster: &GapRaster,
         passes: &[LayerPass],
         aperture: &Aperture,
         walls: &EdgeIndex,
-    ) -> Vec<GapFillMove> {
+        price: &AreaPrice,
+    ) -> Option<GapFillMove> {
         let starts = self.near(at, passes, aperture).into_iter();
-        let moves = starts.filter_map(|[pass, after]| {
+        let ways = starts.filter_map(|[pass, after]| {
             let from = passes[pass].placements[after].at;
             let out = inside_connection(eased(from, at, aperture), aperture, walls)?;
             let back = out.iter().rev().skip(1).copied();
             let fill: Vec<Configuration> = out.iter().copied().chain(back).chain([from]).collect();
-            Some(GapFillMove {
+            Some((pass, after, fill))
+        });
+        let mut best: Option<(f64, GapFillMove)> = None;
+        for (pass, after, fill) in ways.take(WAYS) {
+            let cost_mm2 = price.of_gap_fill_mm2(&fill);
+            let best_mm2 = best.as_ref().map_or(0.0, |best| best.0);
+            let least_mm2 = cost_mm2 + best_mm2;
+            let footprint = raster.footprint(&passes[pass], after, &fill, aperture, least_mm2);
+            let found = footprint.map(|footprint| GapFillMove {
                 pass,
                 after,
-                footprint: raster.footprint(&passes[pass], after, &fill, aperture),
                 fill,
-            })
-        });
-        moves.take(WAYS).collect()
+                footprint,
+                cost_mm2,
+            });
+            let found = found.map(|found| (found.net_mm2(raster), found));
+            best = found.filter(|found| found.0 > best_mm2).or(best);
+        }
+        best.map(|(_, found)| found)
     }
 }
 
