@@ -215,12 +215,16 @@ impl PairCosts<'_> {
                 }
             }
         }
+        // By the marks of a cell, the beads of the two loops over it before and after.
+        let beads: [[u16; 2]; 16] = std::array::from_fn(|marks| {
+            [marks & 3, marks >> 2].map(|marks| marks.count_ones() as u16)
+        });
         let rows = (low[0] as usize..).zip(self.marks.chunks(columns));
         rows.map(|(row, marks)| {
             let counts = self.raster.counts(row, low[1] as usize);
-            let beads = marks.iter().map(|&mark| BEADS[usize::from(mark)]);
+            let of_cells = marks.iter().map(|&mark| beads[usize::from(mark)]);
             // Unchanged print, most of it, is not looked up.
-            let changed = beads.zip(counts).filter(|([old, new], _)| old != new);
+            let changed = of_cells.zip(counts).filter(|([old, new], _)| old != new);
             changed
                 .map(|([old, new], &count)| {
                     let others = count.saturating_sub(old);
@@ -231,20 +235,6 @@ impl PairCosts<'_> {
         .sum()
     }
 }
-
-/// By the marks of a cell, the beads of the two loops over it before and after.
-const BEADS: [[u16; 2]; 16] = {
-    let mut beads = [[0; 2]; 16];
-    let mut mark = 0;
-    while mark < 16 {
-        beads[mark] = [
-            (mark & 3).count_ones() as u16,
-            (mark >> 2).count_ones() as u16,
-        ];
-        mark += 1;
-    }
-    beads
-};
 
 /// 1 if a cell under this many beads is open or covered again, 0 under one bead.
 fn waste(beads: u16) -> i64 {
