@@ -16,73 +16,19 @@ use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis};
 use crate::plan::axis::pruned_axis::Axis;
 use crate::plan::beads::passes::{PassSettings, passes};
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
-use crate::plan::layers::optimised_passes::{
-    BegunPasses, FinishedPasses, Ground, RegionJob, interruption_s,
-};
+use crate::plan::layers::optimised_passes::{Ground, interruption_s};
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::pass::{Contact, LayerPass, Placement};
 use crate::plan::pose_limits::pose_limits;
 use crate::settings::{SeamPlace, Settings};
-use rayon::prelude::*;
-use std::cmp::Ordering;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Headings that are compared, over half a turn.
 const HEADINGS: usize = 36;
-/// Of the passes that compete after their first optimisation, those that get gap-fill moves: one heading gains more by them.
-const FINISHED: usize = 2;
-
-/// Of several passes of a region, and for a head that turns slowly those of one heading throughout, the ones that cost
-/// least, optimised; and their number, of one heading that of all. The second of several are to save time: where they
-/// take more than the first, they do not count.
-pub fn least_costly(
-    turning: Vec<Vec<LayerPass>>,
-    hull: &Region,
-    job: &RegionJob,
-    how: &PassSettings,
-) -> (usize, FinishedPasses) {
-    let settings = job.settings;
-    let headings = match may_keep_one_heading(job.ground, settings) {
-        true => OneHeading::candidates(hull, settings.aperture),
-        false => Vec::new(),
-    };
-    let mut turning = turning;
-    if headings.is_empty() && turning.len() <= 1 {
-        return (0, job.optimised(turning.pop().unwrap_or_default()));
-    }
-    let count = turning.len();
-    let kept = headings.into_par_iter();
-    let kept = kept.map(|heading| (count, heading.passes(hull, how, settings)));
-    let mut all: Vec<(usize, BegunPasses)> = (turning.into_par_iter().enumerate())
-        .chain(kept)
-        .map(|(number, passes)| (number, job.begun(passes)))
-        .collect();
-    // A stable order: of equals the first.
-    all.sort_by(|(_, p), (_, q)| cheaper(p.cost_s(settings), q.cost_s(settings)));
-    all.truncate(FINISHED);
-    let finished = all.into_par_iter();
-    let finished: Vec<(usize, FinishedPasses)> = finished
-        .map(|(number, begun)| (number, job.finished(begun)))
-        .collect();
-    let first_s = finished.iter().find(|(number, _)| *number == 0);
-    let first_s = first_s.map_or(f64::INFINITY, |(_, first)| first.time_s);
-    let saves_time =
-        |number: usize, time_s: f64| !(1..count).contains(&number) || time_s <= first_s;
-    let least = finished.into_iter();
-    let least = least.filter(|(number, found)| saves_time(*number, found.time_s));
-    let least = least.min_by(|(_, p), (_, q)| cheaper(p.cost_s, q.cost_s));
-    least.unwrap_or_default()
-}
-
-fn cheaper(one_s: Option<f64>, other_s: Option<f64>) -> Ordering {
-    let cost_s = |of: Option<f64>| of.unwrap_or(f64::INFINITY);
-    cost_s(one_s).total_cmp(&cost_s(other_s))
-}
-
 /// True where two quarter turns take longer than an interruption of flow, and nothing but the region's outline decides
 /// where its passes run. With the built-in axis (0.36 of an interruption at 60 mm/s, 0.9 at 150) one heading never costs
 /// less, on 43 slices at 60 mm/s and 8 at 150.
-fn may_keep_one_heading(ground: &Ground, settings: &Settings) -> bool {
+pub fn may_keep_one_heading(ground: &Ground, settings: &Settings) -> bool {
     let turns_s = 2.0 * pose_limits(settings).rest_to_rest_s(0.0, FRAC_PI_2);
     turns_s > interruption_s(settings)
         && settings.infill.is_none()
@@ -238,6 +184,8 @@ impl OneHeading {
 mod tests {
     use super::*;
     use crate::geometry::test_shapes::region;
+    use crate::plan::layers::optimised_passes::RegionJob;
+    use crate::plan::layers::region_plan::topologies::least_costly;
     use crate::settings::HeadingLaw;
 
     fn how(settings: &Settings) -> PassSettings {

@@ -6,6 +6,7 @@
 //! In: what [`region_work`] makes of a contour (mm, rad). Out: a [`RegionPlan`], its passes in either direction.
 
 pub mod region_work;
+pub mod topologies;
 pub mod warm_start;
 
 use crate::geometry::Point2;
