@@ -545,8 +545,8 @@ mod tests {
         let mut raster = GapRaster::of(std::slice::from_ref(&own), &APERTURE, &walls(&[BAR]));
         let footprint_of = |raster: &GapRaster, pass: &LayerPass, fill: &[Configuration]| {
             raster
-                .footprint(pass, index, fill, &APERTURE, 0.0)
-                .expect("open area")
+                .footprint(pass, index, fill, &APERTURE, f64::NEG_INFINITY)
+                .expect("no bound")
         };
         let footprint = footprint_of(&raster, &own, &near);
         let gained = raster.net_mm2(&footprint);
@@ -560,8 +560,8 @@ mod tests {
         assert!(raster.net_mm2(&footprint) <= 0.0);
         let both = [own, bead(1.8)];
         let raster = GapRaster::of(&both, &APERTURE, &walls(&[BAR]));
-        let none = raster.footprint(&both[0], index, &near, &APERTURE, 0.0);
-        assert!(none.is_none_or(|none| raster.net_mm2(&none) < 0.0));
+        let net = raster.net_mm2(&footprint_of(&raster, &both[0], &near));
+        assert!(net < 0.0, "{net}");
     }
 
     /// Goal: gaps and sums that follow what is covered are those of a fresh search. Method: a bar

@@ -156,6 +156,9 @@ fn steps_of_four_layers_lie_where_they_should() {
             }
         }
     }
+    let crosses = |at: &[f64; 3]| !is_within_a_step(at, &left_mm);
+    let low = lows_mm.into_iter().find(crosses);
+    assert!(low.is_none(), "{low:?} after the last layer");
     assert_eq!(layer, 3);
     assert!(crossings > 10_000, "{crossings}");
     for (layer, poses) in poses.iter().enumerate() {
