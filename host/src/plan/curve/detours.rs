@@ -9,9 +9,7 @@
 use crate::geometry::clearance::Configuration;
 use crate::geometry::plane_curve::{PlaneControl, configuration};
 use crate::plan::coverage::connections::{CUT_SHARE, SLIDES, bent_connection};
-use crate::plan::curve::pushing_inside::{
-    FAR_SHARE, InsideWalls, NEAR_SHARE, bad_runs, strayed_spans,
-};
+use crate::plan::curve::pushing_inside::{InsideWalls, bad_runs, strayed_spans};
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::joining::links::{LENGTH_SHARE, TURN_MAX_RAD};
 use std::ops::Range;
@@ -68,11 +66,7 @@ fn around(
     led.extend(rest.map(|[x, y, heading]| [*x, *y, heading + turned_rad]));
     let about = first.saturating_sub(MARGIN)..(beyond + MARGIN).min(led.len());
     let mut pushed = led[about.clone()].to_vec();
-    let (near_mm, far_mm) = (
-        NEAR_SHARE * aperture.minor_mm(),
-        FAR_SHARE * aperture.major_mm(),
-    );
-    let strays = |pushed: &[_]| strayed_spans(&led[about], pushed, near_mm).contains(&true);
-    let still_cuts = inside.project(&mut pushed, far_mm).contains(&true);
-    (!still_cuts && !strays(&pushed)).then_some(led)
+    let still_cuts = inside.project(&mut pushed).contains(&true);
+    let strays = strayed_spans(&led[about], &pushed, inside.near_mm()).contains(&true);
+    (!still_cuts && !strays).then_some(led)
 }

@@ -13,9 +13,7 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::beads::passes::CORNER_RAD;
 use crate::plan::curve::detours::detoured;
-use crate::plan::curve::pushing_inside::{
-    FAR_SHARE, InsideWalls, NEAR_SHARE, bad_runs, strayed_spans,
-};
+use crate::plan::curve::pushing_inside::{InsideWalls, bad_runs, strayed_spans};
 use crate::plan::pass::LayerPass;
 use crate::settings::Settings;
 
@@ -111,16 +109,15 @@ fn pushed_inside(
     raw: &[PlaneControl],
     inside: &InsideWalls,
 ) -> Result<Vec<PlaneControl>, NotInside> {
-    let far_mm = FAR_SHARE * inside.aperture.major_mm();
     let mut control = raw.to_vec();
-    let cutting = inside.project(&mut control, far_mm);
-    let is_astray = |far_mm| strayed_spans(raw, &control, far_mm);
-    let strayed = is_astray(NEAR_SHARE * inside.aperture.minor_mm());
+    let cutting = inside.project(&mut control);
+    let strayed_by = |far_mm| strayed_spans(raw, &control, far_mm);
+    let strayed = strayed_by(inside.near_mm());
     match (cutting.contains(&true), strayed.contains(&true)) {
         (false, false) => Ok(control),
         (true, _) => Err(NotInside::cut(cutting)),
         (false, true) => {
-            let is_near = !is_astray(far_mm).contains(&true);
+            let is_near = !strayed_by(inside.far_mm()).contains(&true);
             Err(NotInside {
                 bad: strayed,
                 makeshift: is_near.then_some(control),

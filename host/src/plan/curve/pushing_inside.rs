@@ -27,10 +27,10 @@ const POSES_MAX: usize = 2000;
 const PROJECTIONS_MAX: usize = 200;
 /// Largest total displacement of a control point, relative to b: beyond it, more than half of the
 /// narrowest bead is misplaced.
-pub const NEAR_SHARE: f64 = 1.0;
+const NEAR_SHARE: f64 = 1.0;
 /// What a control point may be moved in all where there is no detour, against a: farther, the nozzle
 /// would cover a different area. With one, [`NEAR_SHARE`].
-pub const FAR_SHARE: f64 = 2.0;
+const FAR_SHARE: f64 = 2.0;
 /// Spans that are worth a thread.
 const SPANS_AT_ONCE: usize = 64;
 
@@ -62,11 +62,21 @@ impl<'a> InsideWalls<'a> {
         }
     }
 
+    /// What a control point may be moved in all where there is a detour, mm.
+    pub fn near_mm(&self) -> f64 {
+        NEAR_SHARE * self.aperture.minor_mm()
+    }
+
+    /// What it may be moved where there is none, mm.
+    pub fn far_mm(&self) -> f64 {
+        FAR_SHARE * self.aperture.major_mm()
+    }
+
     /// Moves the deepest pose of one span after another back by the least displacement and rotation of its control
     /// points (Kaczmarz, 1937), each step with the current contacts: the correction of one is not confused with that of
-    /// the next. It stops once a control point is moved farther than `far_mm`: it would not converge, and spans would
+    /// the next. It stops once a control point is moved farther than [`Self::far_mm`]: it would not converge, and spans would
     /// grow. Returns the spans that cut deeper than twice the tolerance in the end.
-    pub fn project(&self, control: &mut [PlaneControl], far_mm: f64) -> Vec<bool> {
+    pub fn project(&self, control: &mut [PlaneControl]) -> Vec<bool> {
         let spans = control.len().saturating_sub(1);
         let raw = control.to_vec();
         let mut dirty = self.spans_deeper_than(self.tolerance_mm, control);
@@ -83,7 +93,9 @@ impl<'a> InsideWalls<'a> {
                     changed[low..(span + 4).min(spans)].fill(true);
                 }
             }
-            if !changed.contains(&true) || strayed_spans(&raw, control, far_mm).contains(&true) {
+            if !changed.contains(&true)
+                || strayed_spans(&raw, control, self.far_mm()).contains(&true)
+            {
                 break;
             }
             dirty = changed;
