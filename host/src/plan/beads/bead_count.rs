@@ -191,7 +191,8 @@ fn change_cost(from: usize, to: usize, unit_mm: f64) -> f64 {
     }
 }
 
-/// min over s' of cost[s'] + change(s, s'), for all s, in linear time.
+/// min over s' of cost[s'] + change(s, s'), for all s, in linear time, above the least of them: the sum over a whole
+/// tree would be rounded more coarsely than what a change costs.
 fn changed_costs(costs: &[f32], unit_mm: f64) -> Vec<f32> {
     let change = (CHANGE * unit_mm) as f32;
     let mut spread = costs.to_vec();
@@ -201,9 +202,48 @@ fn changed_costs(costs: &[f32], unit_mm: f64) -> Vec<f32> {
     for s in (1..spread.len()).rev() {
         spread[s - 1] = spread[s - 1].min(spread[s] + change);
     }
+    let least = costs.iter().copied().fold(f32::INFINITY, f32::min);
     costs
         .iter()
         .zip(&spread)
-        .map(|(&own, &other)| own.min(other + change))
+        .map(|(&own, &other)| own.min(other + change) - least)
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_shapes::ELLIPSE;
+    use crate::geometry::{Point2, Vector2};
+
+    /// Nodes of a passage of 2.2 mm.
+    const NODES: usize = 160;
+
+    /// Passages for two beads and for one in turn, of which each saves little more than a change costs, and beyond them
+    /// another one of this length.
+    fn passages(count: usize, last_mm: f64) -> Axis {
+        let nodes = NODES * count;
+        let mut points: Vec<Point2> = (0..nodes)
+            .map(|i| Point2::new(0.014 * i as f64, 0.0))
+            .collect();
+        let mut radii_mm: Vec<f64> = (0..nodes).map(|i| [1.3, 1.0][i / NODES % 2]).collect();
+        points.push(points[nodes - 1] + Vector2::new(last_mm, 0.0));
+        radii_mm.push(1.0);
+        Axis {
+            points,
+            radii_mm,
+            links: (1..=nodes as u32).map(|i| [i - 1, i]).collect(),
+        }
+    }
+
+    /// Goal: the counts of a passage do not depend on how much else the axis has. Method: passages before a short one and
+    /// before one whose cost is 10⁷ times that of a node.
+    #[test]
+    fn counts_do_not_depend_on_the_rest_of_the_axis() {
+        let widths = ChannelWidths::of(&ELLIPSE, 0.0);
+        let [short, long] = [1.0, 5e5].map(|last_mm| bead_counts(&passages(12, last_mm), widths));
+        let changes = short.windows(2).filter(|pair| pair[0] != pair[1]);
+        assert_eq!(changes.count(), 11);
+        assert_eq!(short, long);
+    }
 }
