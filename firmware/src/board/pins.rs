@@ -68,15 +68,15 @@ impl<S: OutputPin, D: OutputPin, const MOTORS: usize> StepOutput for PinOutput<S
 pub trait BoardPins {
     /// Levels of the inputs.
     fn inputs(&mut self) -> Inputs;
-    /// Lets the drivers hold their motors, or go.
-    fn hold(&mut self, on: bool);
+    /// Lets drivers hold their motors, one bit each, and the others go.
+    fn hold(&mut self, motors: u8);
     /// Levels of heaters and fans, a bit each; a board without them has nothing to do.
     #[inline(always)]
     fn put_heat(&mut self, _levels: u8) {}
 }
 
-/// Inputs pulled up, by number, with their roles; one that cannot be read counts as pressed. Enable pins,
-/// low = on.
+/// Inputs pulled up, by number, with their roles; one that cannot be read counts as pressed. Enable pins, low = on, by
+/// motors; the last one is also that of all motors after it.
 #[derive(Debug)]
 pub struct PinBoard<I, E, const INPUTS: usize, const ENABLES: usize> {
     inputs: [I; INPUTS],
@@ -99,7 +99,7 @@ impl<I: InputPin, E: OutputPin, const INPUTS: usize, const ENABLES: usize>
             map,
             enables,
         };
-        board.hold(false);
+        board.hold(0);
         delay.delay_ms(INPUTS_SETTLE_MS);
         board
     }
@@ -117,8 +117,11 @@ impl<I: InputPin, E: OutputPin, const INPUTS: usize, const ENABLES: usize> Board
         self.map.inputs(levels)
     }
 
-    fn hold(&mut self, on: bool) {
-        for enable in &mut self.enables {
+    fn hold(&mut self, motors: u8) {
+        for (motor, enable) in (0u32..).zip(&mut self.enables) {
+            let is_last = motor as usize + 1 == ENABLES;
+            let own = motors.unbounded_shr(motor);
+            let on = if is_last { own != 0 } else { own & 1 == 1 };
             let _ = enable.set_state(PinState::from(!on));
         }
     }

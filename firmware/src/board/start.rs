@@ -88,7 +88,32 @@ impl KeptFault {
         let (fault, _): (Fault, _) = postcard::take_from_bytes(&bytes).ok()?;
         is_of_heater(fault.cause).then_some(fault)
     }
+
+    /// What is left of it after a reset with these flags of an STM32F4 (RM0390, 6.3.21): power-on and the reset pin,
+    /// which a person uses, give a heater its supply back; a watchdog, a program or flags that a boot loader has
+    /// cleared do not.
+    pub fn after_reset(self, flags: u32) -> Self {
+        let by_hand = flags & BY_HAND != 0 && flags & BY_PROGRAM == 0;
+        if by_hand && self.cuts_supply() {
+            return Self([0; KEPT_WORDS]);
+        }
+        self
+    }
+
+    /// The supply of the heaters stays cut.
+    pub fn cuts_supply(self) -> bool {
+        let cause = self.fault().map(|fault| fault.cause);
+        matches!(
+            cause,
+            Some(FaultCause::HeaterStuck | FaultCause::OverTemperature)
+        )
+    }
 }
+
+/// Brown-out, reset pin and power-on in the reset flags: the pin's is set with each of the others.
+const BY_HAND: u32 = 0b111 << 25;
+/// A program, both watchdogs, low power.
+const BY_PROGRAM: u32 = 0b1111 << 28;
 
 /// Never that of a memory full of zeros or ones.
 fn kept_check(low: u32, high: u32) -> u32 {

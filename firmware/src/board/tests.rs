@@ -140,7 +140,7 @@ fn inputs_settle_before_they_are_believed_and_broken_ones_count_as_pressed() {
         emergency: false,
     };
     assert_eq!(pins.inputs(), expected);
-    pins.hold(true);
+    pins.hold(u8::MAX);
     delay.done();
     emergency.done();
     switches.iter_mut().for_each(PinMock::done);
@@ -352,4 +352,34 @@ fn a_heaters_fault_outlives_a_reset_and_nothing_else_does() {
             None
         );
     }
+}
+
+/// A supply that was cut stays cut through a watchdog's and a program's reset, and where a boot loader has cleared the
+/// flags; not after power-on, a brown-out or the reset pin. Flags as RM0390 has them after each.
+#[test]
+fn only_power_and_the_reset_pin_give_a_stuck_heater_its_supply_back() {
+    let fault = |cause| Fault {
+        cause,
+        index: 1,
+        value: 30_000,
+    };
+    let (pin, power, brown_out) = (1 << 26, 1 << 27, 1 << 25);
+    let by_hand = [pin, pin | power | brown_out, pin | brown_out];
+    let by_program = [28, 29, 30, 31].map(|bit| pin | 1 << bit);
+    for cause in [FaultCause::HeaterStuck, FaultCause::OverTemperature] {
+        let kept = KeptFault::of(Some(fault(cause)));
+        assert!(kept.cuts_supply());
+        for flags in by_hand {
+            assert_eq!(kept.after_reset(flags).fault(), None, "{flags:x}");
+        }
+        for flags in by_program.into_iter().chain([0]) {
+            assert!(kept.after_reset(flags).cuts_supply(), "{flags:x}");
+        }
+    }
+    // Others cut nothing, and are latched again until a host clears them.
+    let drift = KeptFault::of(Some(fault(FaultCause::TemperatureDrift)));
+    for flags in by_hand.into_iter().chain(by_program) {
+        assert_eq!(drift.after_reset(flags), drift);
+    }
+    assert!(!drift.cuts_supply());
 }

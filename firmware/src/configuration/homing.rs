@@ -72,6 +72,10 @@ pub struct HomingConfiguration {
     /// is a section of its own in a record.
     #[serde(skip)]
     pub marks: u8,
+    /// Joints whose motors stay on when nothing has moved for long, since they would fall; one bit each. A section of
+    /// its own as well.
+    #[serde(skip)]
+    pub hold: u8,
 }
 
 impl HomingConfiguration {
@@ -80,6 +84,7 @@ impl HomingConfiguration {
         Self {
             joints: Vec::new(),
             marks: 0,
+            hold: 0,
         }
     }
 
@@ -96,7 +101,10 @@ impl HomingConfiguration {
             // Three joints fit by the type's bound.
             let _ = joints.push(JointHoming::usual(joint, towards_max, limits));
         }
-        Self { joints, marks: 0 }
+        Self {
+            joints,
+            ..Self::none()
+        }
     }
 
     /// The joint passes its switch once per turn: an index mark, of which both edges are found.

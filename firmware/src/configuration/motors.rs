@@ -61,6 +61,17 @@ impl MotorMatrix {
         self.pair.is_none() && self.copies.is_empty()
     }
 
+    /// The motors that hold some of a number of joints, one bit each: those of both joints of a pair.
+    pub fn motors_of(&self, joints: u8, count: usize) -> u8 {
+        let pair = self.pair.iter().flat_map(|pair| pair.joints);
+        let pair = pair.fold(0, |mask, joint| mask | 1u8.unbounded_shl(joint.into()));
+        let own = joints | if joints & pair != 0 { pair } else { 0 };
+        let copies = self.copies.iter().zip(count as u32 + 1..);
+        copies.fold(own, |mask, (joint, motor)| {
+            mask | (own.unbounded_shr((*joint).into()) & 1).unbounded_shl(motor)
+        })
+    }
+
     /// How many joints move a motor at most.
     pub fn share(&self) -> f64 {
         if self.pair.is_some() { 2.0 } else { 1.0 }

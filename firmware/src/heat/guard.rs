@@ -17,6 +17,9 @@ const READING_MIN_C: f32 = 0.0;
 const HYSTERESIS_K: f32 = 5.0;
 /// Klipper's `max_error`, K s: four seconds 30 K away, or two minutes 1 K outside the hysteresis.
 const ERROR_MAX_K_S: f32 = 120.0;
+/// Share of time without evidence of a fault that counts against time with it: a host that changes the target cannot
+/// wear the guards down, and a person who mends a heater waits minutes, not for ever.
+const FORGIVEN_SHARE: f32 = 0.1;
 /// Klipper's `heating_gain`, K,
 const GAIN_K: f32 = 2.0;
 /// and its `check_gain_time` for a hot end and a bed, s.
@@ -105,18 +108,24 @@ pub struct View {
     pub expected: f32,
 }
 
-/// State of a heater relative to its target.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum Approach {
-    /// Not heating up: at the target, or given up.
-    #[default]
-    Over,
-    /// Heating up: must reach `goal_c` within `left_s`; `first` until its temperature has risen.
-    Under {
-        goal_c: f32,
-        left_s: f32,
-        first: bool,
-    },
+/// Where the reading is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    Below(f32),
+    Within,
+    Above(f32),
+}
+
+impl Place {
+    /// Relative to a target and its hysteresis, with the distance to that, K.
+    fn of(reading_c: f32, target_c: f32) -> Self {
+        let off_k = (reading_c - target_c).abs() - HYSTERESIS_K;
+        match (off_k > 0.0, reading_c < target_c) {
+            (false, _) => Self::Within,
+            (true, true) => Self::Below(off_k),
+            (true, false) => Self::Above(off_k),
+        }
+    }
 }
 
 /// State of a heater's guard.
@@ -124,8 +133,13 @@ enum Approach {
 pub struct Guard {
     bad_periods: u8,
     target_c: f32,
-    approach: Approach,
+    /// The target was reached, and was not moved away from the reading since.
     reached: bool,
+    /// Heating up: the reading that is evidence of it, °C, and the time spent without any, s.
+    goal_c: f32,
+    vain_s: f32,
+    /// It has risen in this approach: before, what was hot inside may cool down.
+    has_risen: bool,
     error_k_s: f32,
     off_s: f32,
     /// Lowest readings of the window before and of the present one, °C.
@@ -146,8 +160,10 @@ impl Default for Guard {
         Self {
             bad_periods: 0,
             target_c: 0.0,
-            approach: Approach::Over,
             reached: false,
+            goal_c: f32::INFINITY,
+            vain_s: 0.0,
+            has_risen: false,
             error_k_s: 0.0,
             off_s: 0.0,
             lowest_c: [f32::INFINITY; 2],
@@ -204,88 +220,109 @@ impl Guard {
     }
 
     fn frozen(&mut self, view: &View, heats: bool) -> Option<HeatCause> {
-        if !heats || view.frozen_at.is_none() || view.frozen_at != self.frozen {
+        if view.frozen_at.is_none() || view.frozen_at != self.frozen {
             self.frozen = view.frozen_at;
             self.frozen_s = 0.0;
-            return None;
+        } else if heats {
+            // Off, it may rest; what was counted stays.
+            self.frozen_s += PERIOD_S;
         }
-        self.frozen_s += PERIOD_S;
-        (self.frozen_s >= FROZEN_S).then_some(HeatCause::SensorFrozen)
+        (heats && self.frozen_s >= FROZEN_S).then_some(HeatCause::SensorFrozen)
     }
 
-    /// Too slow in heating up, or off the target later.
+    /// Too slow in heating up, or off the target later. A new target restarts neither: only a reading that rises is
+    /// evidence that the heater heats its sensor, and time alone forgives little.
     fn follow(
         &mut self,
         heater: &HeaterConfiguration,
         target_c: f32,
         reading_c: f32,
     ) -> Option<HeatCause> {
-        let gain_s = match heater.role {
-            HeaterRole::HotEnd => GAIN_HOT_END_S,
-            HeaterRole::Bed => GAIN_BED_S,
-        };
-        let goal = |first| Approach::Under {
-            goal_c: reading_c + GAIN_K,
-            left_s: gain_s,
-            first,
-        };
-        if target_c != self.target_c {
-            self.target_c = target_c;
-            self.reached = false;
-            self.error_k_s = 0.0;
-            self.approach = goal(true);
-        }
-        if target_c <= 0.0 {
-            return None;
-        }
-        let below_k = target_c - HYSTERESIS_K - reading_c;
-        if below_k <= 0.0 {
-            self.approach = Approach::Over;
-            return self.above(reading_c - target_c - HYSTERESIS_K);
-        }
-        self.error_k_s += below_k * PERIOD_S;
-        match self.approach {
-            Approach::Under { goal_c, .. } if reading_c >= goal_c => {
-                self.error_k_s = 0.0;
-                self.approach = goal(false);
+        let before_c = core::mem::replace(&mut self.target_c, target_c);
+        let was_there = before_c <= 0.0 || Place::of(reading_c, before_c) == Place::Within;
+        match Place::of(reading_c, target_c) {
+            _ if target_c <= 0.0 => self.forgive(reading_c),
+            Place::Within => {
+                self.reached = true;
+                if reading_c >= self.goal_c {
+                    (self.vain_s, self.error_k_s) = (0.0, 0.0);
+                }
+                self.forgive(reading_c);
             }
-            Approach::Under { left_s, .. } if left_s <= 0.0 => self.approach = Approach::Over,
-            Approach::Under {
-                goal_c,
-                left_s,
-                first,
-            } => {
-                // What was hot inside may cool down first.
-                let lower_c = (reading_c + GAIN_K).min(goal_c);
-                self.approach = Approach::Under {
-                    goal_c: if first { lower_c } else { goal_c },
-                    left_s: left_s - PERIOD_S,
-                    first,
-                };
+            off if was_there && before_c != target_c => {
+                // It has to get there first.
+                self.reached = false;
+                self.has_risen = false;
+                return self.off(heater, off, reading_c);
             }
-            Approach::Over if self.error_k_s >= ERROR_MAX_K_S => {
-                let reached = self.reached;
-                return Some(if reached {
-                    HeatCause::Drift
-                } else {
-                    HeatCause::HeatingSlow
-                });
-            }
-            Approach::Over => {}
+            off => return self.off(heater, off, reading_c),
         }
         None
     }
 
-    /// Within the hysteresis or above it.
-    fn above(&mut self, above_k: f32) -> Option<HeatCause> {
-        if above_k <= 0.0 {
-            self.reached = true;
-            self.error_k_s = 0.0;
-        } else if self.reached {
+    /// A period beyond the hysteresis.
+    fn off(
+        &mut self,
+        heater: &HeaterConfiguration,
+        place: Place,
+        reading_c: f32,
+    ) -> Option<HeatCause> {
+        let gain_s = match heater.role {
+            HeaterRole::HotEnd => GAIN_HOT_END_S,
+            HeaterRole::Bed => GAIN_BED_S,
+        };
+        let below_k = match place {
+            Place::Below(below_k) => below_k,
             // Not while it cools down to a lower target.
-            self.error_k_s += above_k * PERIOD_S;
+            Place::Above(above_k) if self.reached => {
+                self.error_k_s += above_k * PERIOD_S;
+                return (self.error_k_s >= ERROR_MAX_K_S).then_some(HeatCause::Drift);
+            }
+            Place::Above(_) | Place::Within => {
+                self.forgive(reading_c);
+                return None;
+            }
+        };
+        if !self.has_risen {
+            self.goal_c = self.goal_c.min(reading_c + GAIN_K);
         }
-        (self.error_k_s >= ERROR_MAX_K_S).then_some(HeatCause::Drift)
+        if reading_c >= self.goal_c && !self.reached {
+            self.goal_c = reading_c + GAIN_K;
+            (self.vain_s, self.error_k_s) = (0.0, 0.0);
+            self.has_risen = true;
+            return None;
+        }
+        self.error_k_s += below_k * PERIOD_S;
+        let is_over = self.error_k_s >= ERROR_MAX_K_S && (self.reached || self.vain_s >= gain_s);
+        if !self.reached {
+            self.vain_s += PERIOD_S;
+        }
+        is_over.then_some(match self.reached {
+            true => HeatCause::Drift,
+            false => HeatCause::HeatingSlow,
+        })
+    }
+
+    /// A period without evidence of a fault.
+    fn forgive(&mut self, reading_c: f32) {
+        let less = |value: f32, by: f32| (value - by).max(0.0);
+        self.vain_s = less(self.vain_s, FORGIVEN_SHARE * PERIOD_S);
+        self.error_k_s = less(self.error_k_s, PERIOD_S);
+        self.goal_c = reading_c + GAIN_K;
+        self.has_risen = false;
+    }
+
+    /// The fault was cleared: what was found about the heater's rise stays.
+    pub fn clear(&mut self) {
+        *self = Self {
+            target_c: self.target_c,
+            goal_c: self.goal_c,
+            vain_s: self.vain_s,
+            error_k_s: self.error_k_s,
+            frozen: self.frozen,
+            frozen_s: self.frozen_s,
+            ..Self::default()
+        };
     }
 
     /// Warmer while it is off.

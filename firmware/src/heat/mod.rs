@@ -62,6 +62,8 @@ pub struct Orders {
     pub host_heard: bool,
     /// A fault of the machine is latched.
     pub faulted: bool,
+    /// A stream is open: it outlasts a host that is silent.
+    pub streams: bool,
     /// The head rests in a pause.
     pub paused: bool,
     /// Pulses of the hot end's fan since the last period.
@@ -79,6 +81,10 @@ pub struct Outputs {
     pub cut_supply: bool,
     /// Heaters that are not yet at their target: a mask.
     pub not_ready: u8,
+    /// Heaters whose target the board has lowered by itself: a mask.
+    pub lowered: u8,
+    /// The host of an open stream is silent: its targets end.
+    pub lapsed: bool,
 }
 
 impl Outputs {
@@ -168,8 +174,9 @@ pub struct Heat {
     fault: Option<HeatFault>,
     silent_s: f32,
     paused_s: f32,
-    /// A heater is too hot or heats without a command, whatever was latched first.
-    stays_on: bool,
+    /// A heater was too hot or heated without a command, whatever was latched first. Nothing here ever takes that back:
+    /// no reading says that a transistor obeys again.
+    stays_on: Option<HeatFault>,
     stays_on_s: f32,
 }
 
@@ -197,7 +204,7 @@ impl Heat {
             fault: None,
             silent_s: 0.0,
             paused_s: 0.0,
-            stays_on: false,
+            stays_on: None,
             stays_on_s: 0.0,
         }
     }
@@ -211,10 +218,12 @@ impl Heat {
 
     /// One period of [`PERIOD_S`].
     pub fn tick(&mut self, orders: &Orders) -> Outputs {
-        self.note_host(orders);
+        let mut outputs = Outputs {
+            lapsed: self.note_host(orders),
+            ..Outputs::default()
+        };
         self.note_pause(orders);
-        let off = self.fault.is_some() || orders.faulted;
-        let mut outputs = Outputs::default();
+        let off = self.fault.is_some() || orders.faulted || outputs.lapsed;
         let mut heats = false;
         for (index, heater) in self.heaters.iter_mut().enumerate() {
             let asked_c = orders.targets_c.get(index).copied().unwrap_or(0.0);
@@ -244,16 +253,20 @@ impl Heat {
                     }
                 }
                 Err(cause) => {
-                    self.stays_on |= cause.is_stuck_on();
                     let celsius = heater.reading_c.or(last_c).unwrap_or(0.0);
-                    self.fault.get_or_insert(HeatFault {
+                    let fault = HeatFault {
                         cause,
                         heater: index as u8,
                         value: (celsius * 100.0) as i32,
-                    });
+                    };
+                    if cause.is_stuck_on() {
+                        self.stays_on.get_or_insert(fault);
+                    }
+                    self.fault.get_or_insert(fault);
                 }
             }
             outputs.not_ready |= u8::from(!heater.is_ready(asked_c)) << index;
+            outputs.lowered |= u8::from(!off && target_c < asked_c) << index;
             heats |= target_c > 0.0;
         }
         self.tick_fans(orders, heats, &mut outputs);
@@ -279,17 +292,20 @@ impl Heat {
         }
     }
 
-    /// A host must be heard while something heats.
-    fn note_host(&mut self, orders: &Orders) {
+    /// The host that heats must be heard. True if the one of an open stream is not: its heat ends without a fault, and
+    /// it may come back. Without a stream nothing would say what happened, but a fault.
+    fn note_host(&mut self, orders: &Orders) -> bool {
         let heats = orders.targets_c.iter().any(|target_c| *target_c > 0.0);
         self.silent_s = if orders.host_heard || !heats {
             0.0
         } else {
             self.silent_s + PERIOD_S
         };
-        if self.silent_s >= HOST_SILENT_S {
+        let is_silent = self.silent_s >= HOST_SILENT_S;
+        if is_silent && !orders.streams {
             self.latch(HeatCause::HostSilent, HOST_SILENT_S as i32);
         }
+        is_silent && orders.streams
     }
 
     fn note_pause(&mut self, orders: &Orders) {
@@ -314,10 +330,23 @@ impl Heat {
         for heater in &mut self.heaters {
             heater.duty = 0.0;
         }
-        if self.stays_on {
+        if self.stays_on.is_some() {
             self.stays_on_s += PERIOD_S;
         }
         outputs.cut_supply = self.stays_on_s >= SUPPLY_CUT_S;
+    }
+
+    /// The fault of a heater that only its supply can stop: from then on until the board loses its power.
+    pub fn stays_on(&self) -> Option<HeatFault> {
+        self.stays_on
+    }
+
+    /// A run before a reset has left this fault: the supply is cut already.
+    pub fn keep_cut(&mut self, fault: HeatFault) {
+        if fault.cause.is_stuck_on() {
+            (self.fault, self.stays_on) = (Some(fault), Some(fault));
+            self.stays_on_s = SUPPLY_CUT_S;
+        }
     }
 
     /// The latched fault.
@@ -325,14 +354,12 @@ impl Heat {
         self.fault
     }
 
-    /// Restarts with all off; a persisting cause trips again.
+    /// Restarts with all off; a persisting cause trips again, and a heater that may be stuck stays one.
     pub fn clear_fault(&mut self) {
-        self.fault = None;
-        self.stays_on = false;
-        self.stays_on_s = 0.0;
+        self.fault = self.stays_on;
         self.silent_s = 0.0;
         for heater in &mut self.heaters {
-            heater.guard = Guard::default();
+            heater.guard.clear();
         }
     }
 

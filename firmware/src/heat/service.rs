@@ -46,6 +46,20 @@ impl HeatService {
         &self.heat
     }
 
+    /// A fault that a run before a reset has left, see [`Heat::keep_cut`].
+    pub fn keep_cut(&mut self, fault: Fault) {
+        let cause = match fault.cause {
+            FaultCause::HeaterStuck => HeatCause::HeaterStuck,
+            FaultCause::OverTemperature => HeatCause::OverTemperature,
+            _ => return,
+        };
+        self.heat.keep_cut(HeatFault {
+            cause,
+            heater: fault.index,
+            value: fault.value,
+        });
+    }
+
     /// The new outputs, once per period; `None` in between.
     pub fn serve(&mut self, motion: &mut Motion, fan_turns: u8) -> Option<Outputs> {
         let orders = self.take_orders(motion, fan_turns)?;
@@ -73,6 +87,7 @@ impl HeatService {
             drivers_on: motion.drivers_on(),
             host_heard: motion.heat_mut().take_heard(),
             faulted: motion.fault().is_some(),
+            streams: motion.has_stream(),
             paused: motion.state() == DeviceState::Paused,
             fan_turns,
         })
@@ -95,12 +110,16 @@ impl HeatService {
         if faulted {
             panel.all_off();
         }
+        if outputs.lapsed {
+            panel.lapse();
+        }
+        panel.note_stuck(self.heat.stays_on().map(Into::into));
         for heater in 0..self.heat.count() {
             let reading_c = self.heat.reading_c(heater);
             let (target_c, duty) = (self.heat.target_c(heater), self.heat.duty(heater));
             panel.note(heater, reading_c, target_c, duty);
         }
-        panel.note_ready(outputs.not_ready);
+        panel.note_ready(outputs.not_ready, outputs.lowered);
         motion.note_heat();
     }
 

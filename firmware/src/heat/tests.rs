@@ -274,3 +274,140 @@ fn a_target_above_what_the_heater_may_have_is_not_followed() {
     rig.tick([200.0, 25.0]);
     assert_eq!(rig.outputs.duties, [0.0; HEATERS_MAX]);
 }
+
+/// A sensor that has fallen out reads the room's temperature beside a heater at full power; what a host may do about
+/// its target must not restart the guards. Mean duty over half an hour of each habit, every fault cleared at once.
+#[test]
+fn no_habit_of_a_host_keeps_a_heater_on_beside_a_fallen_sensor() {
+    type Habit = fn(f32) -> f32;
+    let habits: [(&str, Habit); 7] = [
+        ("steady", |_| 250.0),
+        ("0.1 K every 15 s", |s| 200.0 + 0.1 * (s / 15.0).floor()),
+        ("0.1 K less every 15 s", |s| {
+            250.0 - 0.1 * (s / 15.0).floor()
+        }),
+        (
+            "off every 15 s",
+            |s| {
+                if s % 15.0 < 0.2 { 0.0 } else { 250.0 }
+            },
+        ),
+        (
+            "low every 15 s",
+            |s| {
+                if s % 15.0 < 0.2 { 30.0 } else { 250.0 }
+            },
+        ),
+        ("off half of the time", |s| {
+            if s % 20.0 < 10.0 { 0.0 } else { 250.0 }
+        }),
+        ("a little above the reading", |s| {
+            if s % 24.0 < 0.2 { 27.0 } else { 35.0 }
+        }),
+    ];
+    for (name, habit) in habits {
+        let mut rig = Rig::new();
+        let (mut on_s, mut first_s) = (0.0, None);
+        for period in 0..18_000 {
+            let now_s = period as f32 * PERIOD_S;
+            rig.orders.targets_c[0] = habit(now_s);
+            rig.tick([25.0, 25.0]);
+            on_s += rig.outputs.duties[0] * PERIOD_S;
+            if rig.heat.fault().is_some() {
+                assert_eq!(rig.cause(), Some(HeatCause::HeatingSlow), "{name}");
+                first_s.get_or_insert(now_s);
+                rig.heat.clear_fault();
+            }
+        }
+        // Of 20 s that a cold heater may take to rise, a tenth of the time is forgiven.
+        assert!(on_s < 0.15 * 1800.0, "{name}: {on_s} s");
+        assert!(first_s.is_some_and(|s| s < 60.0), "{name}: {first_s:?}");
+    }
+}
+
+/// The same at the target: a heater that falls below it, while the host moves the target by a tenth.
+#[test]
+fn a_target_that_moves_a_little_does_not_hide_a_drift() {
+    for step_k in [-0.1, 0.0, 0.1] {
+        let mut rig = Rig::new();
+        let lost_s = |s: f32| [210.0 - (s - 30.0).max(0.0), 25.0];
+        let mut fault_s = None;
+        for period in 0..600 {
+            let now_s = period as f32 * PERIOD_S;
+            rig.orders.targets_c[0] = 210.0 + step_k * (now_s / 2.0).floor();
+            rig.tick(lost_s(now_s));
+            if rig.heat.fault().is_some() {
+                fault_s.get_or_insert(now_s - 30.0);
+            }
+        }
+        assert_eq!(rig.cause(), Some(HeatCause::Drift), "{step_k}");
+        assert!(
+            fault_s.is_some_and(|s| (17.0..24.0).contains(&s)),
+            "{step_k}: {fault_s:?}"
+        );
+    }
+}
+
+/// A heater that works may be told anything: targets up and down, off and on, within what it does.
+#[test]
+fn a_heater_that_works_trips_nothing_however_its_target_moves() {
+    let mut rig = Rig::new();
+    let mut celsius = 25.0f32;
+    let mut asked_c = 0.0;
+    let mut random = 1u32;
+    for period in 0..36_000 {
+        if period % 50 == 0 {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            asked_c = match random >> 28 {
+                0..4 => 0.0,
+                4..8 => asked_c + 0.1,
+                n => 150.0 + 8.0 * n as f32,
+            };
+            rig.orders.targets_c[0] = asked_c;
+        }
+        rig.tick([celsius, 25.0]);
+        assert_eq!(rig.heat.fault(), None, "after {period} periods");
+        celsius += (rig.outputs.duties[0] * 40.0 - 0.068 * (celsius - 25.0)) / 16.7 * PERIOD_S;
+    }
+    assert!(celsius > 30.0);
+}
+
+/// A host that clears each fault gave a shorted heater its supply back: 584 °C. What cut the supply stays: no reading,
+/// no message and no reset by a program gives it back.
+#[test]
+fn a_supply_that_was_cut_stays_cut_whatever_is_cleared_and_read() {
+    let mut rig = Rig::new();
+    assert!(rig.until_fault(1.0, |_| [291.0, 25.0]).is_some());
+    let fault = rig.heat.fault().unwrap();
+    (0..30).for_each(|_| rig.tick([291.0, 25.0]));
+    for celsius in [291.0, 200.0, 25.0] {
+        rig.heat.clear_fault();
+        rig.orders.targets_c = [200.0; 3];
+        for _ in 0..50 {
+            rig.tick([celsius, 25.0]);
+            assert!(rig.outputs.cut_supply);
+            assert_eq!(rig.outputs.duties, [0.0; 3]);
+        }
+        assert_eq!(rig.heat.fault(), Some(fault));
+    }
+    // Where another fault was first, and cleared before the two seconds were over.
+    let mut rig = Rig::new();
+    rig.orders.targets_c[0] = 210.0;
+    assert!(rig.until_fault(1.0, |_| [-20.0, 25.0]).is_some());
+    (0..4).for_each(|_| rig.tick([291.0, 25.0]));
+    rig.heat.clear_fault();
+    assert_eq!(rig.cause(), Some(HeatCause::OverTemperature));
+    (0..30).for_each(|_| rig.tick([25.0, 25.0]));
+    assert!(rig.outputs.cut_supply);
+    // After a reset by the watchdog it is cut from the first period on; other faults cut nothing.
+    for (cause, cuts) in [(HeatCause::HeaterStuck, true), (HeatCause::Drift, false)] {
+        let mut rig = Rig::new();
+        rig.heat.keep_cut(HeatFault {
+            cause,
+            heater: 0,
+            value: 0,
+        });
+        rig.tick([25.0, 25.0]);
+        assert_eq!(rig.outputs.cut_supply, cuts);
+    }
+}

@@ -47,8 +47,8 @@ pub trait StepSide {
 pub struct ServoDone {
     /// The watchdog may be fed.
     pub healthy: bool,
-    /// The drivers have to be energised.
-    pub drivers_on: bool,
+    /// Motors whose drivers have to be energised, one bit each.
+    pub held_motors: u8,
 }
 
 /// What the servo owns.
@@ -96,7 +96,7 @@ impl Servo {
         self.program(inputs, steps);
         ServoDone {
             healthy: self.health.tick(self.overruns_seen, link_passes),
-            drivers_on: self.motion.drivers_on(),
+            held_motors: self.motion.held_motors(),
         }
     }
 

@@ -53,6 +53,7 @@ impl Motion {
         self.warp.let_go();
         self.melt_until_span = 0;
         self.heat.begin_melt();
+        self.heat.begin_stream();
         self.note_heat();
         self.heard_ticks = self.now_ticks as u32;
         self.stream_start_ticks = None;
@@ -233,14 +234,15 @@ impl Motion {
     }
 
     /// Clears the latched fault once the machine rests; false if it still moves, or if the firmware
-    /// is for another board. A persisting fault of a driver returns at once.
+    /// is for another board. A persisting fault of a driver returns at once, and so does that of a heater whose supply
+    /// was cut.
     pub fn clear_fault(&mut self) -> bool {
         let other_board = |fault: Fault| fault.cause == FaultCause::Board;
         let rests = matches!(self.state, State::Idle { .. })
             && !self.inputs.emergency
             && !self.fault.is_some_and(other_board);
         if rests {
-            self.fault = self.drivers.fault();
+            self.fault = self.drivers.fault().or(self.heat.stuck());
         }
         rests
     }

@@ -5,7 +5,7 @@
 
 use crate::configuration::heat::{HEATERS_MAX, HeatConfiguration, PERIOD_S};
 use crate::motion::CommandError;
-use headway_protocol::message::{ColdHeater, DeviceState, HeaterStatus};
+use headway_protocol::message::{ColdHeater, DeviceState, Fault, HeaterStatus};
 use heapless::Vec;
 
 /// Tenths of a degree.
@@ -48,8 +48,14 @@ pub struct HeatPanel {
     targets_c: [f32; HEATERS_MAX],
     target_max_c: Vec<f32, HEATERS_MAX>,
     part_fan: f32,
-    /// Heaters that the stream waits for: a mask.
+    /// Heaters that the stream waits for: a mask,
     waits: u8,
+    /// and those that the board has lowered by itself, for which it waits too,
+    owed: u8,
+    /// of them those that it has switched off: a host must order their targets again.
+    lapsed: u8,
+    /// A heater that only its supply can stop.
+    stuck: Option<Fault>,
     heard: bool,
     /// Lowest temperatures at which melt may move, tenths of a degree; 0 where it does not matter.
     melt_from: Vec<u16, HEATERS_MAX>,
@@ -98,6 +104,10 @@ impl HeatPanel {
         }
         let bit = 1 << heater;
         self.waits &= !bit;
+        self.lapsed &= !bit;
+        if decidegrees == 0 {
+            self.owed &= !bit;
+        }
         if wait && decidegrees > 0 {
             self.waits |= bit;
         }
@@ -138,7 +148,8 @@ impl HeatPanel {
                 decidegrees,
                 least_decidegrees,
             };
-            let may_come = known.is_none() && self.periods < FIRST_PERIODS;
+            let may_come =
+                (known.is_none() && self.periods < FIRST_PERIODS) || self.lapsed >> heater & 1 == 1;
             if !may_come && target_c * PER_CELSIUS < f32::from(least_decidegrees) {
                 return Melt::Cold(cold);
             }
@@ -197,7 +208,34 @@ impl HeatPanel {
     /// Everything off, nothing waited for.
     pub(crate) fn all_off(&mut self) {
         self.targets_c = [0.0; HEATERS_MAX];
-        self.waits = 0;
+        (self.waits, self.owed, self.lapsed) = (0, 0, 0);
+    }
+
+    /// A stream begins: it has no targets yet that the silence of a host could have ended.
+    pub(super) fn begin_stream(&mut self) {
+        self.owed &= !self.lapsed;
+        self.lapsed = 0;
+    }
+
+    /// The host of the open stream is silent: everything off. The stream waits until a host has ordered the targets
+    /// again, and until they are reached.
+    pub(crate) fn lapse(&mut self) {
+        for (heater, target_c) in self.targets_c.iter_mut().enumerate() {
+            if core::mem::take(target_c) > 0.0 {
+                self.lapsed |= 1 << heater;
+            }
+        }
+        self.owed |= self.lapsed;
+    }
+
+    /// The fault of a heater that only its supply can stop: it cannot be cleared.
+    pub(crate) fn note_stuck(&mut self, stuck: Option<Fault>) {
+        self.stuck = stuck;
+    }
+
+    /// The same.
+    pub fn stuck(&self) -> Option<Fault> {
+        self.stuck
     }
 
     /// Targets, °C, and the part fan, 0 to 1.
@@ -223,14 +261,15 @@ impl HeatPanel {
         }
     }
 
-    /// Heaters that are there no longer hold the stream.
-    pub(crate) fn note_ready(&mut self, not_ready: u8) {
+    /// Heaters that are there no longer hold the stream; those that the board has `lowered` do until they are back.
+    pub(crate) fn note_ready(&mut self, not_ready: u8, lowered: u8) {
         self.waits &= not_ready;
+        self.owed = (self.owed | lowered) & (not_ready | lowered | self.lapsed);
     }
 
     /// True while the stream waits for a heater.
     pub fn holds_stream(&self) -> bool {
-        self.waits != 0
+        self.waits | self.owed != 0
     }
 
     /// Heaters for a status.

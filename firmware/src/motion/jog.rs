@@ -143,7 +143,7 @@ impl Motion {
             } => self.jog(joint.into(), distance_units, speed_units_s),
             Control::GoTo(position) => self.go_to(&position),
             Control::MotorsOff => {
-                self.let_go();
+                self.let_go(0);
                 Ok(())
             }
             Control::Home(order) => self.home(order),
@@ -158,9 +158,10 @@ impl Motion {
         }
     }
 
-    /// The motors no longer hold: anything may push them.
-    pub(super) fn let_go(&mut self) {
-        self.reference.lose(self.joints.all());
+    /// The motors but those `kept`, a mask, no longer hold: anything may push them.
+    pub(super) fn let_go(&mut self, kept: u8) {
+        self.reference.lose(self.joints.all() & !kept);
+        self.kept_motors = kept;
         if let Some(standing) = self.state.standing_mut() {
             *standing = Standing::default();
         }

@@ -112,6 +112,9 @@ pub struct Motion {
     switch_guard: SwitchGuard,
     /// Servo ticks at rest without a stream.
     idle_ticks: u32,
+    /// Motors that idleness does not let go, and those that are held although the others were let go: masks.
+    hold_motors: u8,
+    kept_motors: u8,
     reference: Reference,
     fault: Option<Fault>,
     extruder_guard: ExtruderGuard,
@@ -150,6 +153,9 @@ impl Motion {
         let joints = JointTargets::new(configuration);
         let mix = MotorMix::new(&configuration.motors, joints.count());
         let motors = mix.motors(joints.count());
+        let hold = configuration
+            .motors
+            .motors_of(switches.hold, joints.count());
         let delays = Delays::of(configuration).unwrap_or_default();
         Self {
             joints,
@@ -176,6 +182,8 @@ impl Motion {
             inputs: Inputs::default(),
             switch_guard: SwitchGuard::default(),
             idle_ticks: 0,
+            hold_motors: hold,
+            kept_motors: 0,
             override_percent: 100,
             override_q16: TICK_Q16,
             fault: None,
@@ -242,7 +250,8 @@ impl Motion {
             self.switch_guard = SwitchGuard::default();
             return None;
         }
-        if self.inputs.emergency && self.fault.is_none() {
+        // Whatever was latched before: its soft stop may still be moving.
+        if self.inputs.emergency && (self.fault.is_none() || !self.is_at_rest()) {
             return Some(EMERGENCY);
         }
         let pressed = self.inputs.switches & self.guarded_switches();
@@ -381,7 +390,6 @@ impl Motion {
             self.forget_stream();
             // It settles until the shapers' delays have run out too: a `Start` is repeated so long, and not refused.
             self.state.leave(self.is_at_rest());
-            return;
         }
         let Some(stream) = self.state.stream() else {
             self.count_idle();
@@ -398,13 +406,14 @@ impl Motion {
         }
     }
 
-    /// One tick without a stream: motors that hold nothing for long are let go.
+    /// One tick without a stream, a fault latched or not: motors that hold nothing for long are let go, but for those
+    /// of joints that would fall.
     fn count_idle(&mut self) {
         self.idle_ticks += 1;
         if self.idle_ticks >= MOTORS_IDLE_S.saturating_mul(self.servo_hz) {
             self.idle_ticks = 0;
             if self.state.holds_motors() {
-                self.let_go();
+                self.let_go(self.hold_motors);
             }
         }
     }
@@ -439,6 +448,8 @@ impl Motion {
         self.fault.get_or_insert(fault);
         self.programmer.forget(&self.waiting);
         self.forget_stream();
+        // What was delayed is forgotten too.
+        self.still_ticks = self.delays.settle_ticks;
         self.reference.lose(self.joints.all());
         self.state.stop();
     }

@@ -31,6 +31,11 @@ impl Motion {
         }
     }
 
+    /// A stream is open, also one that is being left.
+    pub fn has_stream(&self) -> bool {
+        self.state.stream().is_some()
+    }
+
     /// True from an abort until the machine rests.
     pub fn is_aborting(&self) -> bool {
         self.state.is_aborting()
@@ -121,10 +126,20 @@ impl Motion {
         &self.inputs
     }
 
-    /// True from the first request to move until the motors are released: the drivers have to be
-    /// energised.
+    /// True while any driver has to be energised.
     pub fn drivers_on(&self) -> bool {
-        self.state.holds_motors()
+        self.held_motors() != 0
+    }
+
+    /// Motors whose drivers have to be energised, one bit each: all from the first request to move until they are
+    /// released.
+    #[inline(always)]
+    pub fn held_motors(&self) -> u8 {
+        if self.state.holds_motors() {
+            u8::MAX
+        } else {
+            self.kept_motors
+        }
     }
 
     /// How often the queue's end made the head slow down.

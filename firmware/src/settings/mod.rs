@@ -46,6 +46,8 @@ const BOARD: u8 = 6;
 const MOTORS: u8 = 8;
 /// `HomingConfiguration::marks`, where there are any.
 const MARKS: u8 = 9;
+/// `HomingConfiguration::hold`, where there is any: not to be skipped, an axis would fall.
+const HOLD: u8 = 10;
 /// Lowest temperatures at which melt may move: a board without this guard reads the rest.
 const MELT: u8 = MAY_BE_SKIPPED | 7;
 /// A section with this bit may be left alone by a board that does not know it.
@@ -176,6 +178,9 @@ impl BoardSettings {
         if self.switches.marks != 0 {
             section(&mut record, MARKS, &self.switches.marks)?;
         }
+        if self.switches.hold != 0 {
+            section(&mut record, HOLD, &self.switches.hold)?;
+        }
         if let Some(heaters) = &self.heaters {
             section(&mut record, HEATERS, heaters)?;
         }
@@ -219,7 +224,8 @@ impl BoardSettings {
         let (mut machine, mut switches): (_, Option<HomingConfiguration>) = (None, None);
         let mut heaters: Option<HeatConfiguration> = None;
         let (mut drivers, mut wiring, mut board, mut melt) = (None, None, None, None);
-        let (mut motors, mut marks): (Option<MotorMatrix>, Option<u8>) = (None, None);
+        let mut motors: Option<MotorMatrix> = None;
+        let (mut marks, mut hold): (Option<u8>, Option<u8>) = (None, None);
         // Each round takes at least a head off a bounded record.
         while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
             let wrong = refusal(SettingsProblem::Section, tag.into());
@@ -234,6 +240,7 @@ impl BoardSettings {
                 BOARD => once(&mut board, content, wrong)?,
                 MOTORS => once(&mut motors, content, wrong)?,
                 MARKS => once(&mut marks, content, wrong)?,
+                HOLD => once(&mut hold, content, wrong)?,
                 MELT => once(&mut melt, content, wrong)?,
                 _ if tag & MAY_BE_SKIPPED != 0 => {}
                 _ => return Err(wrong),
@@ -251,6 +258,7 @@ impl BoardSettings {
         }
         let mut switches = switches.unwrap_or_else(|| HomingConfiguration::standard(&machine));
         switches.marks = marks.unwrap_or_default();
+        switches.hold = hold.unwrap_or_default();
         let settings = Self {
             switches,
             machine,

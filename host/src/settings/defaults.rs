@@ -167,6 +167,7 @@ impl Settings {
             drivers: DriversConfiguration::none(),
             heading_motor: None,
             switches: None,
+            hold: 0,
             wiring: Wiring::STANDARD,
             board: None,
             probe: None,

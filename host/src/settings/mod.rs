@@ -297,6 +297,8 @@ pub struct Settings {
     pub heading_motor: Option<HeadingMotor>,
     /// Switches to home to; `None`: the usual ones.
     pub switches: Option<HomingConfiguration>,
+    /// Joints that would fall, a bit each: the board holds them when it lets the others go.
+    pub hold: u8,
     /// Roles of the board's inputs, senses of its motors.
     pub wiring: Wiring,
     /// Which board the machine has, where it has to be said.

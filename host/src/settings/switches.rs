@@ -12,7 +12,10 @@ impl Settings {
     /// Switches that the board homes to, in that order.
     pub fn homing(&self) -> HomingConfiguration {
         let usual = || HomingConfiguration::standard(&self.machine);
-        self.switches.clone().unwrap_or_else(usual)
+        HomingConfiguration {
+            hold: self.hold,
+            ..self.switches.clone().unwrap_or_else(usual)
+        }
     }
 
     /// Every input, whatever board.

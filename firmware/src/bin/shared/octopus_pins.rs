@@ -2,8 +2,8 @@
 //! `headway_firmware::board::octopus`.
 
 use crate::ports::{PORT_BYTES, SET_RESET};
-use crate::stm32f4::CoreDelay;
 use crate::stm32f4::rcc::{Bus, clock_on};
+use crate::stm32f4::{CoreDelay, start};
 use embedded_hal::delay::DelayNs;
 use headway_firmware::board::input_map::InputMap;
 use headway_firmware::board::octopus::{
@@ -94,8 +94,8 @@ impl BoardPins for OctopusPins {
     }
 
     #[inline(always)]
-    fn hold(&mut self, on: bool) {
-        enable(self.motors, on);
+    fn hold(&mut self, motors: u8) {
+        enable(self.motors, motors);
     }
 
     #[inline(always)]
@@ -127,9 +127,9 @@ pub fn set_up(motors: usize, map: InputMap, known: Known) -> OctopusPins {
     // A driver that is not used leaves its pins as they are: PA14 to the debugger.
     let low = low.chain(STEP.into_iter().take(motors));
     let low = low.chain(DIRECTION.into_iter().take(motors));
-    let high = ENABLE.into_iter().chain([SUPPLY]);
-    let levels = low.map(|pin| (pin, false));
-    for (pin, level) in levels.chain(high.map(|pin| (pin, true))) {
+    let supply = [(SUPPLY, !start::kept_fault().cuts_supply())];
+    let high = ENABLE.map(|pin| (pin, true)).into_iter().chain(supply);
+    for (pin, level) in low.map(|pin| (pin, false)).chain(high) {
         let is_ours = match known {
             Known::Foreign => false,
             Known::Unnamed => !DIFFERS.contains(&pin),
@@ -163,10 +163,10 @@ fn levels() -> u16 {
     high
 }
 
-/// Lets the drivers of the first `motors` motors hold, or all go.
-fn enable(motors: usize, on: bool) {
+/// Lets the drivers of the first `motors` motors hold where their bit says so, and all others go.
+fn enable(motors: usize, held: u8) {
     for (motor, (port, number)) in ENABLE.into_iter().enumerate() {
-        let low = on && motor < motors;
+        let low = held >> motor & 1 == 1 && motor < motors;
         write(port, 1 << if low { number + 16 } else { number });
     }
 }

@@ -85,7 +85,7 @@ fn PendSV() {
     // SAFETY: set before this interrupt is on, which alone uses it.
     let pins = unsafe { PINS.get() };
     let done = runtime::servo_interrupt(confirmed(pins.inputs()));
-    pins.hold(done.drivers_on);
+    pins.hold(done.held_motors);
     heat::servo_tick(pins);
     if done.healthy {
         start::feed_watchdog();
@@ -353,9 +353,11 @@ fn set_up_clocks(device: &pac::Peripherals) -> Option<Fault> {
     chip_fault(start::device_id(), CHIP_ID).or(wrong_clock)
 }
 
-/// The fault of a run that the watchdog has ended, once.
+/// The fault of a run that the watchdog has ended, once; a heater's of before stays or goes by the kind of reset.
 fn watchdog_fault(rcc: &pac::RCC) -> Option<Fault> {
-    let by_watchdog = rcc.csr().read().wdgrstf().bit_is_set();
+    let flags = rcc.csr().read();
+    start::keep_fault(start::kept_fault().after_reset(flags.bits()));
+    let by_watchdog = flags.wdgrstf().bit_is_set();
     rcc.csr().modify(|_, w| w.rmvf().set_bit());
     by_watchdog.then_some(Fault {
         cause: FaultCause::Watchdog,
@@ -409,7 +411,7 @@ fn run() -> Option<()> {
     let mut receiver = runtime::start(&board, parts.output, clocks, &mut core.SCB, &mut core.SYST)?;
     let unnamed = (known == Known::Unnamed).then_some(UNNAMED);
     // A heater's fault is more informative than the hang of the board that it caused.
-    let of_before = start::kept_fault().or(by_watchdog);
+    let of_before = start::kept_fault().fault().or(by_watchdog);
     if let Some(fault) = wrong_board.or(unnamed).or(of_before) {
         with_motion(|motion| motion.fail_softly(fault));
     }
@@ -454,7 +456,7 @@ pub fn stop() -> ! {
     heaters_off();
     // SAFETY: nothing interrupts any more.
     unsafe {
-        PINS.with(|pins| pins.hold(false));
+        PINS.with(|pins| pins.hold(0));
     }
     loop {
         cortex_m::asm::nop();

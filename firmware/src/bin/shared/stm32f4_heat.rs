@@ -3,7 +3,7 @@
 use crate::board::HeatPins;
 use crate::runtime::{Shared, with_motion};
 use crate::stm32f4::start;
-use headway_firmware::board::{BoardPins, HeatPort};
+use headway_firmware::board::{BoardPins, HeatPort, KeptFault};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_firmware::heat::Outputs;
@@ -49,7 +49,10 @@ impl HeatLoop {
         heat: &HeatConfiguration,
         port: HeatPins,
     ) -> Option<Self> {
-        let service = with_motion(|motion| HeatService::new(machine, heat, motion))?;
+        let mut service = with_motion(|motion| HeatService::new(machine, heat, motion))?;
+        if let Some(fault) = start::kept_fault().fault() {
+            service.keep_cut(fault);
+        }
         Some(Self { service, port })
     }
 
@@ -65,11 +68,11 @@ impl HeatLoop {
             let outputs = service.tick(&orders);
             let fault = with_motion(|motion| {
                 service.tell(motion, &outputs);
-                motion.fault()
+                motion.heat().stuck().or(motion.fault())
             });
             self.put_out(&outputs);
             if let Some(fault) = fault {
-                start::keep_fault(fault);
+                start::keep_fault(KeptFault::of(fault));
             }
         }
     }

@@ -10,7 +10,6 @@ use core::mem::MaybeUninit;
 use headway_firmware::board::{
     KEPT_WORDS, KeptFault, StartCounter, mix_noise, serial_number, session_of,
 };
-use headway_protocol::message::Fault;
 
 const SYSTICK_CONTROL: *mut u32 = 0xe000_e010 as *mut u32;
 const ICSR: *mut u32 = 0xe000_ed04 as *mut u32;
@@ -174,23 +173,22 @@ pub fn usb_serial_number() -> [u8; 24] {
 }
 
 /// The fault of the heaters that the run before has left latched, if a reset ended it.
-pub fn kept_fault() -> Option<Fault> {
+pub fn kept_fault() -> KeptFault {
     // SAFETY: memory that is there and used from the main loop alone; all values are possible.
-    let words = unsafe {
+    KeptFault::from_memory(unsafe {
         (&raw const KEPT)
             .cast::<[u32; KEPT_WORDS]>()
             .read_volatile()
-    };
-    KeptFault::from_memory(words).fault()
+    })
 }
 
-/// Keeps the latched fault for the program after a reset.
-pub fn keep_fault(fault: Option<Fault>) {
+/// Keeps a fault for the program after a reset.
+pub fn keep_fault(kept: KeptFault) {
     // SAFETY: as above.
     unsafe {
         (&raw mut KEPT)
             .cast::<[u32; KEPT_WORDS]>()
-            .write_volatile(KeptFault::of(fault).words());
+            .write_volatile(kept.words());
     }
 }
 

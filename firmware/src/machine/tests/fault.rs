@@ -1,7 +1,9 @@
 //! Goal: a fault stops the machine as its cause requires, is reported, stays until it is cleared,
 //! and nothing extrudes until then. Method: one cause at a time in the middle of a job.
 use super::*;
+use crate::configuration::shaping::{Shaper, ShaperKind};
 use crate::motion::CommandError;
+use crate::motion::inputs::Inputs;
 
 /// Starts a job and runs it for some ticks.
 fn running(configuration: &MachineConfiguration, job: &Job, ticks: u32) -> Host {
@@ -324,5 +326,48 @@ fn a_latched_fault_is_reported_at_every_greeting() {
         assert_eq!(host.faults, [watchdog], "greeting {session}");
         host.poll();
         assert_eq!(host.faults.len(), 1, "once");
+    }
+}
+
+/// The input's stop on a board that reads it in the servo tick alone, while another fault's soft stop runs: it used to
+/// be looked at only without a fault, and 327 steps followed.
+#[test]
+fn the_emergency_input_stops_within_a_tick_while_another_faults_soft_stop_runs() {
+    let (configuration, job) = (planar(), flower());
+    for shaped in [false, true] {
+        let mut configuration = configuration.clone();
+        if shaped {
+            configuration.shapers[..2].fill(Shaper {
+                kind: ShaperKind::Zv,
+                frequency_hz: 40.0,
+                damping: 0.1,
+            });
+        }
+        let mut host = running(&configuration, &job, 3000);
+        host.machine.servo.motion_mut().fail_softly(Fault {
+            cause: FaultCause::Sequence,
+            index: 0,
+            value: 0,
+        });
+        let before = host.counter.steps;
+        (0..20).for_each(|_| host.tick());
+        assert!(host.counter.steps > before + 20, "the soft stop moves");
+        host.machine.set_inputs(Inputs {
+            switches: 0,
+            emergency: true,
+        });
+        steps_of(&mut host, 1);
+        assert_eq!(steps_of(&mut host, 1000), 0);
+        // The first fault stays, and is cleared only once the input is released.
+        assert_eq!(host.faults.len(), 1);
+        host.control(HostMessage::Control(Control::ClearFault));
+        steps_of(&mut host, 10);
+        assert!(host.machine.motion().fault().is_some());
+        host.machine.set_inputs(Inputs::default());
+        host.control(HostMessage::Control(Control::ClearFault));
+        steps_of(&mut host, 10);
+        assert_eq!(host.machine.motion().fault(), None);
+        // It does not know where it is.
+        assert_eq!(host.machine.motion().referenced(), 0);
     }
 }

@@ -3,6 +3,7 @@
 //! a heater of one mass.
 use super::*;
 use crate::configuration::heat::HeatConfiguration;
+use crate::design::MOTORS_IDLE_S;
 use crate::heat::Outputs;
 use crate::heat::service::HeatService;
 use crate::heat::tests::counts;
@@ -200,7 +201,8 @@ fn only_what_is_there_can_be_heated_and_only_by_who_streams() {
     hot.run(500);
     assert_eq!(hot.host.refusals.len(), 2);
     assert!(hot.outputs.duties[0] > 0.9);
-    // Nobody is heard any more.
+    // Nobody is heard any more, and no stream is open.
+    hot.host.control(HostMessage::Control(Control::Abort));
     hot.run(62_000);
     assert_eq!(hot.host.faults[0].cause, FaultCause::HostSilent);
     assert_eq!(hot.outputs.duties, [0.0; 3]);
@@ -215,4 +217,121 @@ fn only_what_is_there_can_be_heated_and_only_by_who_streams() {
     }));
     bare.poll();
     assert_eq!(bare.refusals, [RefusalReason::Invalid; 2]);
+}
+
+/// A pause of more than a minute resumed cold: standby had lowered the target, and the wait for it was forgotten.
+/// The same where the target is ordered anew in the pause, with and without a wait, higher and lower.
+#[test]
+fn what_the_board_has_lowered_is_waited_for_when_a_pause_ends() {
+    let job = flower();
+    for order in [
+        None,
+        Some((2200, false)),
+        Some((2100, true)),
+        Some((1900, false)),
+    ] {
+        let mut hot = Hot::new(200.0);
+        hot.heat(0, 2000, true);
+        for _ in 0..15 {
+            hot.host.send(&job, 8, 16);
+            hot.run(200);
+        }
+        assert_eq!(hot.host.machine.motion().state(), DeviceState::Running);
+        hot.host.control(HostMessage::Control(Control::Pause));
+        for _ in 0..60 {
+            // The host lives.
+            hot.host
+                .control(HostMessage::Control(Control::StatusRequest));
+            hot.run(2 * 2000);
+        }
+        assert!(hot.celsius[0] < 180.0, "standby: {}", hot.celsius[0]);
+        let asked_c = order.map_or(200.0, |(decidegrees, _)| f32::from(decidegrees) / 10.0);
+        if let Some((decidegrees, wait)) = order {
+            hot.heat(0, decidegrees, wait);
+        }
+        hot.host.control(HostMessage::Control(Control::Resume));
+        let mut steps = hot.host.counter.steps;
+        let mut moved = 0;
+        for tick in 0..200_000 {
+            if tick % 2000 == 0 {
+                hot.host
+                    .control(HostMessage::Control(Control::StatusRequest));
+            }
+            hot.host.send(&job, 8, 16);
+            hot.run(1);
+            if hot.host.counter.steps != steps {
+                steps = hot.host.counter.steps;
+                moved += 1;
+                assert!(
+                    hot.celsius[0] > asked_c - 5.0,
+                    "{} of {asked_c}",
+                    hot.celsius[0]
+                );
+            } else if moved == 0 {
+                assert_ne!(hot.host.machine.motion().state(), DeviceState::Running);
+            }
+            if hot.host.machine.motion().state() == DeviceState::Finished {
+                break;
+            }
+        }
+        assert_eq!(
+            hot.host.machine.motion().state(),
+            DeviceState::Finished,
+            "{order:?}"
+        );
+        assert!(moved > 1000);
+        assert_eq!(hot.host.faults, []);
+        assert_eq!(hot.host.counter.counts[..5], final_steps(&planar(), &job));
+    }
+}
+
+/// A host that sleeps: after 30 s of silence heaters are off and nothing is latched; the head rests on the path, its
+/// motors on, for as long as it takes. Who comes back orders the targets, and the job ends as if nothing had been.
+#[test]
+fn a_print_outlives_the_silence_of_its_host() {
+    let job = flower();
+    let mut hot = Hot::new(200.0);
+    hot.heat(0, 2000, false);
+    hot.heat(1, 300, false);
+    for _ in 0..15 {
+        hot.host.send(&job, 8, 16);
+        hot.run(200);
+    }
+    assert_eq!(hot.host.machine.motion().state(), DeviceState::Running);
+    hot.run(31 * 2000);
+    let motion = hot.host.machine.motion();
+    assert_eq!(
+        (motion.state(), motion.fault()),
+        (DeviceState::Heating, None)
+    );
+    assert!(!motion.heat().is_on() && motion.is_at_rest() && motion.drivers_on());
+    let steps = hot.host.counter.steps;
+    hot.run((MOTORS_IDLE_S + 60) * 2000);
+    let motion = hot.host.machine.motion();
+    assert_eq!(
+        (motion.state(), motion.fault()),
+        (DeviceState::Heating, None)
+    );
+    assert!(motion.drivers_on() && motion.referenced() != 0);
+    assert!(hot.celsius[0] < 60.0 && hot.host.counter.steps == steps);
+    // One target is not all.
+    hot.heat(0, 2000, false);
+    for _ in 0..30 {
+        hot.host
+            .control(HostMessage::Control(Control::StatusRequest));
+        hot.run(2000);
+    }
+    assert_eq!(hot.host.machine.motion().state(), DeviceState::Heating);
+    assert_eq!(hot.host.counter.steps, steps);
+    // The bed is told to stay off.
+    hot.heat(1, 0, false);
+    for _ in 0..1500 {
+        hot.host
+            .control(HostMessage::Control(Control::StatusRequest));
+        hot.host.send(&job, 8, 16);
+        hot.run(200);
+    }
+    assert_eq!(hot.host.machine.motion().state(), DeviceState::Finished);
+    assert_eq!(hot.host.faults, []);
+    assert_eq!(hot.host.counter.counts[..5], final_steps(&planar(), &job));
 }

@@ -3,9 +3,10 @@
 //! moves a simulated carriage; the motor counts are compared with the carriage.
 use super::world::{World, machine};
 use super::*;
+use crate::configuration::motors::MotorPair;
 use crate::design::MOTORS_IDLE_S;
 use crate::motion::CommandError;
-use crate::steps::StepBank;
+use crate::steps::{StepBank, Stopped};
 use headway_protocol::message::JointOrder;
 
 #[test]
@@ -217,6 +218,59 @@ fn motors_are_let_go_after_ten_minutes_at_rest_without_a_stream() {
     run(&mut motion, 2);
     assert!(!motion.drivers_on());
     assert_eq!(motion.referenced(), 0);
+}
+
+/// Motors that stayed on for ever: a latched fault held them, and with them the controller's fan.
+#[test]
+fn a_fault_keeps_no_motors_on_but_those_of_joints_that_would_fall() {
+    let (configuration, mut switches) = machine();
+    let servo_hz = configuration.servo_hz;
+    for (hold, pair, kept) in [(0, false, 0), (0b100, false, 0b100), (0b1, true, 0b11)] {
+        switches.hold = hold;
+        let mut configuration = configuration.clone();
+        if pair {
+            configuration.motors.pair = Some(MotorPair {
+                joints: [0, 1],
+                speed_max: 500.0,
+                acceleration_max: 1e4,
+                jerk_max: 1e6,
+            });
+        }
+        for at_once in [false, true] {
+            let mut motion = Motion::new(&configuration, &switches);
+            let mut bank = StepBank::default();
+            let mut run = |motion: &mut Motion, seconds: u32| {
+                for _ in 0..seconds * servo_hz {
+                    motion.tick(&mut bank);
+                    if motion.take_stop() {
+                        motion.engine_stopped(&Stopped::default());
+                    }
+                }
+            };
+            motion.start(&[100_000; 7]).unwrap();
+            run(&mut motion, 1);
+            let fault = Fault {
+                cause: FaultCause::Sequence,
+                index: 0,
+                value: 0,
+            };
+            match at_once {
+                true => motion.fail_at_once(fault),
+                false => motion.fail_softly(fault),
+            }
+            run(&mut motion, MOTORS_IDLE_S - 1);
+            assert_eq!(motion.held_motors(), u8::MAX);
+            run(&mut motion, 3);
+            assert_eq!(motion.held_motors(), kept, "{hold:b} {at_once}");
+            // Joints that were held are where they were, if they were known.
+            let known = if at_once { 0 } else { kept };
+            assert_eq!(motion.referenced(), known);
+            assert!(motion.clear_fault());
+            // By command all are let go.
+            motion.command_at_rest(&Control::MotorsOff).unwrap();
+            assert!(!motion.drivers_on());
+        }
+    }
 }
 
 #[test]

@@ -26,10 +26,24 @@ pub(super) struct Joints {
 }
 
 impl Joints {
-    /// Those that are given, by name.
-    fn given(&self) -> Vec<(&'static str, JointConfiguration)> {
+    /// Joints that stay on when the others are let go, a bit each, in the order of `names`.
+    pub(super) fn held(&self, names: &[&str]) -> u8 {
         let linear = [("x", &self.x), ("y", &self.y), ("z", &self.z)];
-        let rotary = [
+        let linear =
+            linear.map(|(name, joint)| (name, joint.as_ref().and_then(|joint| joint.hold)));
+        let rotary = self.rotary();
+        let rotary =
+            rotary.map(|(name, joint)| (name, joint.as_ref().and_then(|joint| joint.hold)));
+        let held = linear
+            .into_iter()
+            .chain(rotary)
+            .filter(|(_, hold)| *hold == Some(true));
+        let numbers = held.filter_map(|(name, _)| names.iter().position(|known| *known == name));
+        numbers.fold(0, |mask, number| mask | 1 << number)
+    }
+
+    fn rotary(&self) -> [(&'static str, &Option<RotaryJoint>); 10] {
+        [
             ("a", &self.a),
             ("b", &self.b),
             ("c", &self.c),
@@ -40,7 +54,13 @@ impl Joints {
             ("j4", &self.j4),
             ("j5", &self.j5),
             ("j6", &self.j6),
-        ];
+        ]
+    }
+
+    /// Those that are given, by name.
+    fn given(&self) -> Vec<(&'static str, JointConfiguration)> {
+        let linear = [("x", &self.x), ("y", &self.y), ("z", &self.z)];
+        let rotary = self.rotary();
         let linear = linear.iter().filter_map(|(name, joint)| {
             let joint = joint.as_ref()?;
             Some((*name, joint.joint()))
@@ -62,6 +82,7 @@ struct LinearJoint {
     speed_max_mm_s: f64,
     acceleration_max_mm_s2: f64,
     jerk_max_mm_s3: f64,
+    hold: Option<bool>,
 }
 
 #[derive(Deserialize)]
@@ -74,6 +95,7 @@ struct RotaryJoint {
     speed_max_deg_s: f64,
     acceleration_max_deg_s2: f64,
     jerk_max_deg_s3: f64,
+    hold: Option<bool>,
 }
 
 #[derive(Deserialize)]

@@ -190,6 +190,7 @@ impl File {
             heading_motor: drivers::heading_motor(&self.drivers, &machine)?,
             probe: self.probe()?,
             switches: self.switches(&machine)?,
+            hold: self.joints.held(joint_names(&machine.kinematics)),
             wiring: self.wiring.wiring(&machine)?,
             board: self.board()?,
             machine,

@@ -85,6 +85,7 @@ pub(super) fn switches(
     Ok(HomingConfiguration {
         joints: found.into_iter().map(|(_, _, homing)| homing).collect(),
         marks,
+        hold: 0,
     })
 }
 

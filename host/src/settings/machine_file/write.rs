@@ -114,9 +114,13 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
     if let Kinematics::Arm6 { arm, .. } = &machine.kinematics {
         write_arm(text, arm)?;
     }
-    for (name, joint) in joint_names(&machine.kinematics).iter().zip(&machine.joints) {
+    let names = joint_names(&machine.kinematics);
+    for (number, (name, joint)) in names.iter().zip(&machine.joints).enumerate() {
         let what = joint_comment(&machine.kinematics, name);
         write_joint(text, name, what, joint)?;
+        if s.hold >> number & 1 == 1 {
+            writeln!(text, "hold = true")?;
+        }
     }
     write_motors(text, machine)?;
     write_shapers(text, machine)?;
