@@ -114,6 +114,10 @@ pub const FLOW_OVERRIDE_PERCENT_PER_S: u32 = 100;
 /// Knots consumed before credit is sent without a request: half a block.
 pub const CREDIT_STEP_KNOTS: u32 = 16;
 
+/// Longest silence of the host that heats or has the machine. Klipper's `MAX_HEAT_TIME` is 5 s, because its host
+/// regulates; here the board does, and the time is that in which a person starts the next command.
+pub const HOST_SILENT_MS: u32 = 30_000;
+
 /// Least time between two requests to send the same frame again: longer than a round trip.
 pub const NAK_PERIOD_MS: u32 = 20;
 

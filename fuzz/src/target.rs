@@ -10,7 +10,7 @@ use crate::attack::{Action, Attack, Command, Kind, Move};
 use headway::settings::Settings;
 use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
 use headway_firmware::design::{LIMIT_MARGIN, RAMP_MARGIN, SERVO_DELAY_TICKS};
-use headway_firmware::line::Receiver;
+use headway_firmware::line::Conversation;
 use headway_firmware::machine::Machine;
 use headway_firmware::steps::output::StepOutput;
 use headway_protocol::frame::{
@@ -143,7 +143,7 @@ pub struct Target {
     rested: bool,
     knots: u32,
     events: u32,
-    watcher: Receiver,
+    watcher: Conversation,
     /// Newest sequence number there.
     second: u16,
     /// Something came since the last tick.
@@ -175,7 +175,7 @@ impl Target {
             rested: false,
             knots: 0,
             events: 0,
-            watcher: Receiver::watching(configuration, 0xfeed),
+            watcher: Conversation::new(configuration, 1),
             second: 0,
             heard: false,
             still_ticks: 0,
@@ -247,10 +247,10 @@ impl Target {
     pub fn noise(&mut self, second: bool, bytes: &[u8]) {
         self.heard = true;
         if second {
-            self.machine.handle_watcher(&mut self.watcher, bytes);
+            self.machine.handle_line(&mut self.watcher, bytes);
             let mut out = [0u8; FRAME_BYTES_MAX];
             for _ in 0..10 {
-                if self.machine.poll_watcher(&mut self.watcher, &mut out) == 0 {
+                if self.machine.poll_line(&mut self.watcher, &mut out) == 0 {
                     return;
                 }
             }

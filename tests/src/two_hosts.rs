@@ -1,7 +1,8 @@
 //! Two hosts, a board and what may happen between them, on a virtual clock.
 //!
-//! The board is the firmware library with modelled heaters and the line discipline of the simulated board: one host
-//! streams, who has come after it watches, and moves up when the line is free. A host is the conversation of
+//! The board is the firmware library with modelled heaters, which decides by itself which of its lines' hosts streams,
+//! moves and heats. Its lines are either connections, whose end it notices, or the two wires of a real board, on which
+//! one host silently takes the place of another. A host is the conversation of
 //! `headway stream` without its terminal: orders before the job, the job, everything off, each on a line of its own,
 //! with the command's own sender, patience, owner of heat and pauses. Lines lose frames, are silent, or are closed
 //! and opened again; hosts are killed, ended, and follow their operator. Left out: planning, files, the wall clock.
@@ -18,7 +19,7 @@ use headway::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_firmware::configuration::motors::MotorMatrix;
-use headway_firmware::line::Receiver;
+use headway_firmware::line::Conversation;
 use headway_firmware::machine::Machine;
 use headway_firmware::steps::output::StepOutput;
 use headway_protocol::frame::FRAME_BYTES_MAX;
@@ -112,10 +113,10 @@ pub struct Board {
     pub machine: Machine,
     heaters: VirtualHeaters,
     steps: Steps,
-    /// Who streams.
-    first: Option<u32>,
-    /// Who asks and stops, the oldest first.
-    watchers: VecDeque<(u32, Receiver)>,
+    /// Its lines, with the hosts at them.
+    lines: Vec<(Option<u32>, Conversation)>,
+    /// They are wires: there are always two, and nobody notices that a host has gone.
+    are_wires: bool,
     session: u32,
     tick: u64,
     /// Steps of the last tick.
@@ -125,7 +126,12 @@ pub struct Board {
 
 impl Board {
     /// Cold, and nobody there. Its jobs heat little, so that the virtual clock need not wait: melt may move cold.
-    pub fn new(mut heat: HeatConfiguration) -> Board {
+    pub fn new(heat: HeatConfiguration) -> Board {
+        Board::with_lines(heat, false)
+    }
+
+    /// The same with connections for lines, or with wires.
+    pub fn with_lines(mut heat: HeatConfiguration, are_wires: bool) -> Board {
         for heater in &mut heat.heaters {
             heater.extrude_min_c = 0.0;
         }
@@ -138,8 +144,8 @@ impl Board {
             machine,
             heaters,
             steps: Steps::default(),
-            first: None,
-            watchers: VecDeque::new(),
+            lines: Vec::new(),
+            are_wires,
             session: 1,
             tick: 0,
             stepped: 0,
@@ -152,8 +158,10 @@ impl Board {
         self.session += 1;
         self.machine = Machine::new(&self.configuration, self.session).expect("as before");
         self.heaters = VirtualHeaters::new(&mut self.machine, &self.configuration, &self.heat);
-        self.first = None;
-        self.watchers.clear();
+        for (host, talk) in &mut self.lines {
+            *host = None;
+            *talk = Conversation::new(&self.configuration, talk.line());
+        }
     }
 
     /// Virtual time.
@@ -162,30 +170,36 @@ impl Board {
     }
 
     fn has(&self, host: u32) -> bool {
-        self.first == Some(host) || self.watchers.iter().any(|(other, _)| *other == host)
+        self.lines.iter().any(|(other, _)| *other == Some(host))
     }
 
+    /// A free line, or a new one; another program has the port where both wires are taken.
     fn connect(&mut self, host: u32) {
-        if self.first.is_none() {
-            self.first = Some(host);
-        } else {
-            let receiver = Receiver::watching(&self.configuration, self.session);
-            self.watchers.push_back((host, receiver));
+        if let Some((free, _)) = self.lines.iter_mut().find(|(host, _)| host.is_none()) {
+            *free = Some(host);
+        } else if !self.are_wires || self.lines.len() < 2 {
+            let number = self.lines.len() as u8 + 1;
+            let talk = Conversation::new(&self.configuration, number);
+            self.lines.push((Some(host), talk));
         }
     }
 
     fn disconnect(&mut self, host: u32) {
-        self.watchers.retain(|(other, _)| *other != host);
-        if self.first == Some(host) {
-            self.first = self.watchers.pop_front().map(|(other, _)| other);
+        let line = self
+            .lines
+            .iter_mut()
+            .find(|(other, _)| *other == Some(host));
+        let Some((host, talk)) = line else { return };
+        *host = None;
+        if !self.are_wires {
+            self.machine.hang_up(talk);
+            *talk = Conversation::new(&self.configuration, talk.line());
         }
     }
 
     fn take(&mut self, host: u32, bytes: &[u8]) {
-        if self.first == Some(host) {
-            self.machine.handle_bytes(bytes);
-        } else if let Some((_, receiver)) = self.watchers.iter_mut().find(|(h, _)| *h == host) {
-            self.machine.handle_watcher(receiver, bytes);
+        if let Some((_, talk)) = self.lines.iter_mut().find(|(h, _)| *h == Some(host)) {
+            self.machine.handle_line(talk, bytes);
         }
     }
 
@@ -197,21 +211,14 @@ impl Board {
         self.heaters.tick(&mut self.machine);
         self.tick += 1;
         let mut out = [0u8; FRAME_BYTES_MAX];
-        loop {
-            let length = self.machine.poll_report(&mut out);
-            if length == 0 {
-                break;
-            }
-            self.reports
-                .extend(self.first.map(|host| (host, out[..length].to_vec())));
-        }
-        for (host, receiver) in &mut self.watchers {
+        for (host, talk) in &mut self.lines {
             loop {
-                let length = self.machine.poll_watcher(receiver, &mut out);
+                let length = self.machine.poll_line(talk, &mut out);
                 if length == 0 {
                     break;
                 }
-                self.reports.push((*host, out[..length].to_vec()));
+                let told = host.map(|host| (host, out[..length].to_vec()));
+                self.reports.extend(told);
             }
         }
     }

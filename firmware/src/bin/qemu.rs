@@ -32,10 +32,11 @@ mod board {
     use cortex_m_semihosting::{debug, hprintln};
     use headway_firmware::board::built_in::{EMULATED_SWITCHES_STEPS, emulated_planar};
     use headway_firmware::configuration::MOTORS_MAX;
+    use headway_firmware::configuration::MachineConfiguration;
     use headway_firmware::configuration::homing::HomingConfiguration;
     use headway_firmware::design::WEIGHED_KNOTS;
-    use headway_firmware::line::{Outgoing, Receiver, SECOND_LINE};
-    use headway_firmware::machine::round::{Surroundings, round};
+    use headway_firmware::line::{Conversation, Receiver};
+    use headway_firmware::machine::round::{Link, Surroundings, round};
     use headway_firmware::motion::inputs::Inputs;
     use headway_firmware::steps::output::StepOutput;
     use headway_protocol::message::DeviceState;
@@ -183,9 +184,8 @@ mod board {
         NVIC::pend(Button);
     }
 
-    /// Bytes of the link, as they arrive; a second line has none.
+    /// Bytes of the link, as they arrive.
     struct Bytes {
-        is_link: bool,
         /// One has arrived since the last check.
         heard: bool,
     }
@@ -194,7 +194,7 @@ mod board {
         type Item = u8;
 
         fn next(&mut self) -> Option<u8> {
-            let byte = if self.is_link { LINK.receive() } else { None };
+            let byte = LINK.receive();
             self.heard |= byte.is_some();
             byte
         }
@@ -205,8 +205,7 @@ mod board {
         const WEIGHED_KNOTS: usize = WEIGHED_KNOTS;
         type Bytes = Self;
 
-        fn heard(&mut self, line: usize) -> &mut Self {
-            self.is_link = line != SECOND_LINE;
+        fn heard(&mut self, _line: usize) -> &mut Self {
             self
         }
 
@@ -221,15 +220,12 @@ mod board {
         }
     }
 
-    fn serve(mut receiver: Receiver) -> bool {
-        let mut outgoing = Outgoing::new();
-        let mut around = Bytes {
-            is_link: true,
-            heard: false,
-        };
+    fn serve(mut receiver: Receiver, configuration: &MachineConfiguration) -> bool {
+        let mut links = [Link::new(Conversation::new(configuration, 0))];
+        let mut around = Bytes { heard: false };
         let mut ended_tick = None;
         loop {
-            round(&mut receiver, &mut outgoing, &mut Locked, &mut around);
+            round(&mut receiver, &mut links, &mut Locked, &mut around);
             if core::mem::take(&mut around.heard) {
                 ended_tick = None;
             }
@@ -324,7 +320,7 @@ mod board {
             &mut peripherals.SCB,
             &mut peripherals.SYST,
         )?;
-        Some(serve(receiver))
+        Some(serve(receiver, &configuration))
     }
 
     #[cortex_m_rt::entry]

@@ -39,8 +39,8 @@ mod bench {
     use headway_firmware::configuration::homing::HomingConfiguration;
     use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
     use headway_firmware::design::WEIGHED_KNOTS;
-    use headway_firmware::line::{Outgoing, Receiver};
-    use headway_firmware::machine::round;
+    use headway_firmware::line::{Conversation, Receiver};
+    use headway_firmware::machine::round::{self, Link};
     use headway_firmware::motion::inputs::Inputs;
     use headway_firmware::steps::output::PortOutput;
     use headway_protocol::frame::FRAME_BYTES_MAX;
@@ -277,7 +277,7 @@ mod bench {
         file: File,
         frame: [u8; FRAME_BYTES_MAX],
         receiver: Receiver,
-        outgoing: Outgoing,
+        link: Link,
     }
 
     impl Host {
@@ -299,7 +299,7 @@ mod bench {
                     break;
                 }
             }
-            let receiver = &mut self.receiver;
+            let (receiver, talk) = (&mut self.receiver, &mut self.link.talk);
             for packet in self
                 .frame
                 .get(..length)
@@ -307,21 +307,21 @@ mod bench {
                 .chunks(PACKET_BYTES)
             {
                 piece(BYTES, empty, counts, || {
-                    round::take_bytes(receiver, 0, &mut packet.iter().copied(), &mut Locked);
+                    round::take_bytes(receiver, talk, &mut packet.iter().copied(), &mut Locked);
                     true
                 });
                 while piece(WORK, empty, counts, || {
-                    round::work(receiver, WEIGHED_KNOTS, &mut Locked)
+                    round::work(receiver, talk, WEIGHED_KNOTS, &mut Locked)
                 }) {}
             }
         }
 
         /// A report, if there is one: it is out at once.
         fn report(&mut self, empty: u32, counts: &mut Counts) {
-            let (receiver, outgoing) = (&mut self.receiver, &mut self.outgoing);
+            let (receiver, link) = (&self.receiver, &mut self.link);
             piece(REPORT, empty, counts, || {
-                let length = round::pending(receiver, outgoing, &mut Locked).len();
-                outgoing.sent(length);
+                let length = round::pending(receiver, link, &mut Locked).len();
+                link.outgoing.sent(length);
                 length > 0
             });
         }
@@ -375,7 +375,7 @@ mod bench {
         let mut host = Host {
             file,
             frame: [0; FRAME_BYTES_MAX],
-            outgoing: Outgoing::new(),
+            link: Link::new(Conversation::new(&configuration, 0)),
             receiver: runtime::set_up(
                 &board,
                 PortOutput::new(DriverPorts::new(PORTS), MOTORS_MAX, 0),

@@ -25,6 +25,7 @@ pub use guard::{HeatCause, HeatFault};
 use crate::configuration::heat::{
     HEATERS_MAX, HeatConfiguration, HeaterConfiguration, HeaterRole, PERIOD_S,
 };
+use crate::design::HOST_SILENT_MS;
 use fans::{FanSpeeds, Fans};
 use guard::{Guard, View};
 use heapless::Vec;
@@ -32,9 +33,8 @@ use pwm::{CHANNELS, Schedule};
 use regulator::{HeatLoad, Regulator};
 use samples::Samples;
 
-/// Longest silence of the host while a heater is on, s. Klipper's `MAX_HEAT_TIME` is 5 s, because its
-/// host regulates; here the board does, and the time is that in which a person starts the next command.
-pub const HOST_SILENT_S: f32 = 30.0;
+/// Longest silence of the host while a heater is on, s.
+pub const HOST_SILENT_S: f32 = HOST_SILENT_MS as f32 / 1000.0;
 /// Rest in a pause after which hot ends are cooled down, s: for a shorter one reheating takes too long.
 pub const STANDBY_AFTER_S: f32 = 60.0;
 /// How much cooler, K: PLA at 210 °C stops oozing and does not cook.
@@ -173,6 +173,7 @@ pub struct Heat {
     fan_tells_turns: bool,
     fault: Option<HeatFault>,
     silent_s: f32,
+    host_silent_s: f32,
     paused_s: f32,
     /// A heater was too hot or heated without a command, whatever was latched first. Nothing here ever takes that back:
     /// no reading says that a transistor obeys again.
@@ -203,10 +204,16 @@ impl Heat {
             fan_tells_turns: configuration.fan_tells_turns,
             fault: None,
             silent_s: 0.0,
+            host_silent_s: HOST_SILENT_S,
             paused_s: 0.0,
             stays_on: None,
             stays_on_s: 0.0,
         }
+    }
+
+    /// Waits so long for a silent host: for a simulation whose time runs faster than its host's.
+    pub fn wait_for_host(&mut self, silent_s: f32) {
+        self.host_silent_s = silent_s;
     }
 
     /// A conversion of a heater's sensor, 0 to 4095.
@@ -301,9 +308,9 @@ impl Heat {
         } else {
             self.silent_s + PERIOD_S
         };
-        let is_silent = self.silent_s >= HOST_SILENT_S;
+        let is_silent = self.silent_s >= self.host_silent_s;
         if is_silent && !orders.streams {
-            self.latch(HeatCause::HostSilent, HOST_SILENT_S as i32);
+            self.latch(HeatCause::HostSilent, self.host_silent_s as i32);
         }
         is_silent && orders.streams
     }

@@ -41,6 +41,11 @@ impl HeatService {
         self.heat.sample(heater, raw);
     }
 
+    /// See [`Heat::wait_for_host`].
+    pub fn wait_for_host(&mut self, silent_s: f32) {
+        self.heat.wait_for_host(silent_s);
+    }
+
     /// Fan pulses and the like are the board's: the heaters themselves.
     pub fn heat(&self) -> &Heat {
         &self.heat

@@ -1,8 +1,8 @@
 //! Commands that overtake the stream -> the motion.
 
 use crate::design::{QUEUE_EVENTS, QUEUE_KNOTS, ticks_of_ms};
-use crate::line::{Receiver, reason_of};
-use crate::motion::{EMERGENCY, Motion};
+use crate::line::{Conversation, Receiver, reason_of};
+use crate::motion::Motion;
 use crate::settings::BoardLimits;
 use headway_protocol::message::{
     Control, DeviceState, RefusalReason, RefusedNumber, SettingsProblem, SettingsRefusal,
@@ -13,7 +13,33 @@ use headway_protocol::message::{
 const FRAMES_AHEAD_MAX: u32 = (QUEUE_KNOTS + QUEUE_EVENTS + 1) as u32;
 
 impl Receiver {
-    pub(super) fn control(&mut self, sequence: u16, control: Control, motion: &mut Motion) {
+    pub(super) fn control(
+        &mut self,
+        talk: &mut Conversation,
+        sequence: u16,
+        control: Control,
+        motion: &mut Motion,
+    ) {
+        // An order to heat claims the machine, too, even where it only lowers a target.
+        let is_for_all = is_for_every_line(&control, motion);
+        if !(is_for_all && !takes_heat(&control) || self.claim(talk, motion) || is_for_all) {
+            talk.refuse_control(sequence, RefusalReason::Busy);
+            return;
+        }
+        match self.execute(talk, sequence, control, motion) {
+            Ok(()) if takes_heat(&control) && self.owner.is(talk) => self.owner.take_heat(talk),
+            Ok(()) => {}
+            Err(reason) => talk.refuse_control(sequence, reason),
+        }
+    }
+
+    fn execute(
+        &mut self,
+        talk: &mut Conversation,
+        sequence: u16,
+        control: Control,
+        motion: &mut Motion,
+    ) -> Result<(), RefusalReason> {
         match control {
             Control::Pause => motion.pause(),
             Control::Resume => motion.resume(),
@@ -22,19 +48,19 @@ impl Receiver {
                 motion.abort();
                 self.leave_stream();
             }
-            Control::EmergencyStop => motion.fail_at_once(EMERGENCY),
+            // Where it is received.
+            Control::EmergencyStop => {}
             Control::ClearFault => {
-                if motion.clear_fault() {
-                    self.leave_stream();
-                    // The same one again is news.
-                    self.last_fault = None;
-                } else {
-                    self.refuse_control(sequence, RefusalReason::Busy);
+                if !motion.clear_fault() {
+                    return Err(RefusalReason::Busy);
                 }
+                self.leave_stream();
+                // The same one again is news.
+                talk.last_fault = None;
             }
-            Control::StatusRequest => self.due.status = true,
+            Control::StatusRequest => talk.due.status = true,
             Control::ReportPeriod(period_ms) => {
-                self.status_period_ticks = ticks_of_ms(period_ms.into(), self.servo_hz).into();
+                talk.status_period_ticks = ticks_of_ms(period_ms.into(), self.servo_hz).into();
             }
             Control::FlowOverride(percent) => motion.set_flow_override(percent),
             Control::Heat {
@@ -42,20 +68,18 @@ impl Receiver {
                 decidegrees,
                 wait,
             } => {
-                if let Err(error) = motion.set_heater(heater, decidegrees, wait) {
-                    self.refuse_control(sequence, reason_of(error));
-                }
+                // Who only lowers it does not end the owner's wait.
+                let wait = wait || !self.owner.is(talk) && motion.heat().is_awaited(heater);
+                return motion
+                    .set_heater(heater, decidegrees, wait)
+                    .map_err(reason_of);
             }
             Control::Fan(permille) => {
-                if let Err(error) = motion.heat_mut().set_fan(permille) {
-                    self.refuse_control(sequence, reason_of(error));
-                }
+                return motion.heat_mut().set_fan(permille).map_err(reason_of);
             }
             Control::ExtrudeCold(allowed) => motion.heat_mut().allow_cold(allowed),
             Control::SettingsBegin { .. } | Control::SettingsPart { .. } | Control::SettingsEnd => {
-                if let Err(reason) = self.take_settings(sequence, &control, motion) {
-                    self.refuse_control(sequence, reason);
-                }
+                return self.take_settings(sequence, &control, motion);
             }
             Control::SetPosition(_)
             | Control::SetJoint { .. }
@@ -66,11 +90,10 @@ impl Receiver {
             | Control::Probe { .. }
             | Control::ProbePin(_)
             | Control::Extrude { .. } => {
-                if let Err(error) = motion.command_at_rest(&control) {
-                    self.refuse_control(sequence, reason_of(error));
-                }
+                return motion.command_at_rest(&control).map_err(reason_of);
             }
         }
+        Ok(())
     }
 
     /// Forgets the stream. Frames of it may still be in transit, no more than fit the queues: the next
@@ -118,9 +141,9 @@ impl Receiver {
         self.settings.keep(board);
     }
 
-    /// Stores received settings, if there are any: to be called after [`Self::apply`] and before
+    /// Stores received settings, if there are any: to be called after [`Self::apply`], with the same line, and before
     /// reports are requested, with a function that writes a record and returns whether it succeeded.
-    pub fn store_settings(&mut self, put: impl FnOnce(&[u8]) -> bool) {
+    pub fn store_settings(&mut self, talk: &mut Conversation, put: impl FnOnce(&[u8]) -> bool) {
         let stored = self.settings.take().map(put);
         if stored == Some(false) {
             let reason = RefusalReason::Settings(SettingsRefusal {
@@ -129,7 +152,43 @@ impl Receiver {
                 item: 0,
                 value: RefusedNumber(0.0),
             });
-            self.refuse_control(self.settings_sequence, reason);
+            talk.refuse_control(self.settings_sequence, reason);
         }
     }
+}
+
+/// Queries, and commands that make a machine slower, cooler or stop: all others are for one host at a time.
+fn is_for_every_line(control: &Control, motion: &Motion) -> bool {
+    match *control {
+        Control::Pause
+        | Control::Resume
+        | Control::Override(_)
+        | Control::FlowOverride(_)
+        | Control::Abort
+        | Control::EmergencyStop
+        | Control::ClearFault
+        | Control::StatusRequest
+        | Control::ReportPeriod(_) => true,
+        Control::Heat {
+            heater,
+            decidegrees,
+            ..
+        } => decidegrees == 0 || decidegrees <= motion.heat().target_decidegrees(heater),
+        _ => false,
+    }
+}
+
+/// Heat is for the host that has ordered it, or that moves: from then on its silence ends it.
+fn takes_heat(control: &Control) -> bool {
+    matches!(
+        control,
+        Control::Heat {
+            decidegrees: 1..,
+            ..
+        } | Control::Jog { .. }
+            | Control::GoTo(_)
+            | Control::Home(_)
+            | Control::Probe { .. }
+            | Control::Extrude { .. }
+    )
 }

@@ -2,7 +2,7 @@
 //!
 //! In: a receiver, and read access to the motion. Out: bytes of one report after another.
 
-use super::Receiver;
+use super::Conversation;
 use headway_protocol::frame::FRAME_BYTES_MAX;
 use headway_protocol::message::DeviceMessage;
 
@@ -30,17 +30,17 @@ impl Outgoing {
         }
     }
 
-    /// The bytes to send now; gets the next report from the receiver by `report` when the last one has been sent.
+    /// The bytes to send now; gets the line's next report by `report` when the last one has been sent.
     #[inline(always)]
     pub fn pending(
         &mut self,
-        receiver: &mut Receiver,
-        report: impl FnOnce(&mut Receiver) -> Option<DeviceMessage>,
+        talk: &mut Conversation,
+        report: impl FnOnce(&mut Conversation) -> Option<DeviceMessage>,
     ) -> &[u8] {
         if self.sent >= self.length {
             self.sent = 0;
-            let report = report(receiver);
-            let length = report.map_or(0, |report| receiver.write_report(&report, &mut self.frame));
+            let report = report(talk);
+            let length = report.map_or(0, |report| talk.write_report(&report, &mut self.frame));
             self.length = length.min(FRAME_BYTES_MAX);
         }
         self.frame.get(self.sent..self.length).unwrap_or_default()

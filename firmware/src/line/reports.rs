@@ -1,7 +1,7 @@
 //! The controller's reports and their timing: acknowledgements, status, faults.
 
 use crate::design::{CREDIT_STEP_KNOTS, QUEUE_EVENTS, QUEUE_KNOTS};
-use crate::line::Receiver;
+use crate::line::{Conversation, Receiver};
 use crate::motion::Motion;
 use headway_protocol::frame::encode_frame;
 use headway_protocol::message::{
@@ -11,72 +11,65 @@ use heapless::Vec;
 
 impl Receiver {
     /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX`), or returns 0.
-    pub fn poll_report(&mut self, motion: &Motion, out: &mut [u8]) -> usize {
-        let report = self.take_report(motion);
-        report.map_or(0, |report| self.write_report(&report, out))
+    pub fn poll_report(&self, talk: &mut Conversation, motion: &Motion, out: &mut [u8]) -> usize {
+        let report = self.take_report(talk, motion);
+        report.map_or(0, |report| talk.write_report(&report, out))
     }
 
     /// The next report, by copying: the part that a board needs the motion for.
-    pub fn take_report(&mut self, motion: &Motion) -> Option<DeviceMessage> {
-        if self.host_session.is_none() && self.due.refusals.is_empty() {
+    pub fn take_report(&self, talk: &mut Conversation, motion: &Motion) -> Option<DeviceMessage> {
+        if talk.host_session.is_none() && talk.due.refusals.is_empty() {
             return None;
         }
-        self.note_changes(motion);
-        self.next_report(motion)
-    }
-
-    /// Writes a report's frame into `out`, and returns its length.
-    pub fn write_report(&mut self, message: &DeviceMessage, out: &mut [u8]) -> usize {
-        self.report_sequence = self.report_sequence.wrapping_add(1);
-        // A report always fits a frame; a smaller buffer gets nothing.
-        encode_frame(self.report_sequence, message, out).unwrap_or(0)
+        self.note_changes(talk, motion);
+        self.next_report(talk, motion)
     }
 
     /// Determines unsolicited reports.
-    fn note_changes(&mut self, motion: &Motion) {
+    fn note_changes(&self, talk: &mut Conversation, motion: &Motion) {
         let (state, fault) = (motion.state(), motion.fault());
-        if state != self.last_state {
+        let owns = self.stream.is_some() && self.owner.is(talk);
+        if state != talk.last_state {
             log_event!("{}", state);
-            self.last_state = state;
-            self.due.status = true;
+            talk.last_state = state;
+            talk.due.status = true;
         }
-        if fault != self.last_fault {
-            self.last_fault = fault;
+        if fault != talk.last_fault {
+            talk.last_fault = fault;
             log_event!("{}", fault);
-            self.due.fault = fault.is_some();
+            talk.due.fault = fault.is_some();
         }
-        if motion.now_ticks() >= self.status_tick + self.status_period_ticks {
-            self.status_tick = motion.now_ticks();
-            self.due.status = true;
-            self.due.ack |= self.stream.is_some();
+        if motion.now_ticks() >= talk.status_tick + talk.status_period_ticks {
+            talk.status_tick = motion.now_ticks();
+            talk.due.status = true;
+            talk.due.ack |= owns;
         }
-        let told = self.knot_limit_told;
-        if self.stream.is_some() && self.knot_limit(motion).wrapping_sub(told) >= CREDIT_STEP_KNOTS
-        {
-            self.due.ack = true;
+        let told = talk.knot_limit_told;
+        if owns && self.knot_limit(motion).wrapping_sub(told) >= CREDIT_STEP_KNOTS {
+            talk.due.ack = true;
         }
     }
 
-    fn next_report(&mut self, motion: &Motion) -> Option<DeviceMessage> {
-        if core::mem::take(&mut self.due.fault)
+    fn next_report(&self, talk: &mut Conversation, motion: &Motion) -> Option<DeviceMessage> {
+        if core::mem::take(&mut talk.due.fault)
             && let Some(fault) = motion.fault()
         {
             return Some(DeviceMessage::Fault(fault));
         }
-        if core::mem::take(&mut self.due.welcome) {
-            return Some(DeviceMessage::Welcome(self.welcome(motion)));
+        if core::mem::take(&mut talk.due.welcome) {
+            return Some(DeviceMessage::Welcome(self.welcome(talk, motion)));
         }
-        if let Some(refusal) = self.due.refusals.pop_front() {
+        if let Some(refusal) = talk.due.refusals.pop_front() {
             return Some(DeviceMessage::Refused(refusal));
         }
-        if core::mem::take(&mut self.due.nak) {
-            self.due.ack = false;
-            return Some(DeviceMessage::Nak(self.ack(motion)));
+        if core::mem::take(&mut talk.due.nak) {
+            talk.due.ack = false;
+            return Some(DeviceMessage::Nak(self.ack(talk, motion)));
         }
-        if core::mem::take(&mut self.due.ack) {
-            return Some(DeviceMessage::Ack(self.ack(motion)));
+        if core::mem::take(&mut talk.due.ack) {
+            return Some(DeviceMessage::Ack(self.ack(talk, motion)));
         }
-        if core::mem::take(&mut self.due.status) {
+        if core::mem::take(&mut talk.due.status) {
             return Some(DeviceMessage::Status(self.status(motion)));
         }
         None
@@ -87,8 +80,8 @@ impl Receiver {
         taken.wrapping_add(motion.knot_room() as u32)
     }
 
-    fn ack(&mut self, motion: &Motion) -> Ack {
-        self.knot_limit_told = self.knot_limit(motion);
+    fn ack(&self, talk: &mut Conversation, motion: &Motion) -> Ack {
+        talk.knot_limit_told = self.knot_limit(motion);
         let events = self.stream.as_ref().map_or(0, |stream| stream.events);
         Ack {
             session: self.session,
@@ -96,22 +89,13 @@ impl Receiver {
                 .stream
                 .as_ref()
                 .map_or(0, |stream| stream.next_sequence),
-            knot_limit: self.knot_limit_told,
+            knot_limit: talk.knot_limit_told,
             event_limit: events.wrapping_add(motion.event_room() as u32),
-            control_taken: self.control_done(),
+            control_taken: talk.control_done(),
         }
     }
 
-    /// The newest control message, or the one before it where that was refused: only a refusal ends it,
-    /// so that the host repeats it if the refusal was lost.
-    fn control_done(&self) -> u16 {
-        let refused = self
-            .refused
-            .is_some_and(|r| r.sequence == self.control_taken);
-        self.control_taken.wrapping_sub(u16::from(refused))
-    }
-
-    fn welcome(&self, motion: &Motion) -> Welcome {
+    fn welcome(&self, talk: &Conversation, motion: &Motion) -> Welcome {
         Welcome {
             protocol_version: PROTOCOL_VERSION,
             schema_hash: SCHEMA_HASH,
@@ -122,16 +106,13 @@ impl Receiver {
             servo_hz: self.servo_hz,
             step_hz: self.step_hz,
             session: self.session,
-            host_session: self.host_session.unwrap_or(0),
-            stream: match self.watched {
-                Some(watched) => watched.0,
-                None => self.open_stream(motion),
-            },
+            host_session: talk.host_session.unwrap_or(0),
+            stream: self.open_stream(motion),
             settings_hash: self.settings_hash,
         }
     }
 
-    pub(super) fn open_stream(&self, motion: &Motion) -> Option<OpenStream> {
+    fn open_stream(&self, motion: &Motion) -> Option<OpenStream> {
         let open = self.stream.as_ref().map(|stream| OpenStream {
             job: stream.job,
             first_sequence: stream.first_sequence,
@@ -173,6 +154,24 @@ impl Receiver {
             drivers: motion.drivers().status().clone(),
             probe: motion.probe_result(),
         }
+    }
+}
+
+impl Conversation {
+    /// Writes a report's frame into `out`, and returns its length.
+    pub fn write_report(&mut self, message: &DeviceMessage, out: &mut [u8]) -> usize {
+        self.report_sequence = self.report_sequence.wrapping_add(1);
+        // A report always fits a frame; a smaller buffer gets nothing.
+        encode_frame(self.report_sequence, message, out).unwrap_or(0)
+    }
+
+    /// The newest control message, or the one before it where that was refused: only a refusal ends it,
+    /// so that the host repeats it if the refusal was lost.
+    fn control_done(&self) -> u16 {
+        let refused = self
+            .refused
+            .is_some_and(|r| r.sequence == self.control_taken);
+        self.control_taken.wrapping_sub(u16::from(refused))
     }
 }
 

@@ -5,12 +5,13 @@
 //! frame was in order.
 
 use crate::kinematics::winding::Winding;
-use crate::line::{Receiver, Stream};
+use crate::line::{Conversation, Receiver, Stream};
 use crate::motion::Motion;
 use crate::path::load::{LoadModel, SpanFault};
 use crate::path::queue::QueuedKnot;
 use crate::path::spline::SpanWindow;
 use headway_protocol::knot_block::{KNOTS_PER_BLOCK_MAX, KnotPredictor, decode_block};
+use headway_protocol::message::RefusalReason;
 use headway_protocol::segment::Knot;
 use headway_protocol::units::CHANNEL_VOLUME;
 use heapless::Vec;
@@ -21,6 +22,7 @@ const SPANS_OF_KNOT: u32 = 4;
 /// A block being unpacked: knots as decoded, of which some have been weighed.
 #[derive(Clone, Debug)]
 pub(super) struct Unpacking {
+    line: u8,
     sequence: u16,
     decoded: Vec<Knot, KNOTS_PER_BLOCK_MAX>,
     weighed: usize,
@@ -47,6 +49,12 @@ impl Receiver {
         self.unpacking.is_some()
     }
 
+    /// True if that is due to a block of this line.
+    pub fn is_busy_with(&self, talk: &Conversation) -> bool {
+        let unpacking = self.unpacking.as_ref();
+        unpacking.is_some_and(|unpacking| unpacking.line == talk.line)
+    }
+
     /// Weighs at most this many knots of the last frame's block.
     #[inline(never)]
     pub fn work(&mut self, knots: usize) {
@@ -55,36 +63,49 @@ impl Receiver {
         }
     }
 
-    /// Hands over the knots that were weighed.
+    /// Hands over the knots that were weighed, of a block of this line.
     #[inline(never)]
-    pub fn deliver(&mut self, motion: &mut Motion) {
+    pub fn deliver(&mut self, talk: &mut Conversation, motion: &mut Motion) {
+        let is_begun = self.unpacking.as_ref().is_some_and(|u| u.delivered > 0);
+        if !is_begun && !self.accepts_block(talk, motion) {
+            self.unpacking = None;
+            return;
+        }
         let (Some(unpacking), Some(stream)) = (&mut self.unpacking, &mut self.stream) else {
             self.unpacking = None;
             return;
         };
-        if unpacking.delivered == 0 {
-            motion.heat_mut().hear();
-            let sequence = unpacking.sequence;
-            if !motion.takes_stream() {
-                self.unpacking = None;
-                self.misplaced(sequence, motion);
-                return;
-            }
-            if unpacking.decoded.len() > motion.knot_room() {
-                // More than the credit: as if it had been lost, until there is room.
-                self.due.ack = true;
-                self.unpacking = None;
-                return;
-            }
-        }
         motion.push_knots(&unpacking.knots);
         unpacking.delivered += unpacking.knots.len() as u32;
         unpacking.knots.clear();
         if unpacking.is_done() {
             unpacking.end(stream, motion);
-            self.due.ack = true;
+            talk.due.ack = true;
             self.unpacking = None;
         }
+    }
+
+    /// Whether the block that has arrived is to be queued; answers its host where it is not.
+    fn accepts_block(&mut self, talk: &mut Conversation, motion: &mut Motion) -> bool {
+        let Some(unpacking) = &self.unpacking else {
+            return false;
+        };
+        let (sequence, knots) = (unpacking.sequence, unpacking.decoded.len());
+        if !self.claim(talk, motion) {
+            talk.refuse(sequence, RefusalReason::Busy);
+            return false;
+        }
+        let accepts = motion.takes_stream() && knots <= motion.knot_room();
+        if !motion.takes_stream() {
+            self.misplaced(talk, sequence, motion);
+        } else if accepts {
+            self.owner.take_heat(talk);
+        } else {
+            // More than the credit: as if it had been lost, until there is room.
+            talk.due.ack = true;
+        }
+        self.hear(talk, motion);
+        accepts
     }
 }
 
@@ -92,7 +113,7 @@ impl Unpacking {
     /// A block as received; `None` if it is damaged.
     // Its parts are large: they should not be on the caller's stack.
     #[inline(never)]
-    pub(super) fn new(sequence: u16, bytes: &[u8], stream: &Stream) -> Option<Self> {
+    pub(super) fn new(line: u8, sequence: u16, bytes: &[u8], stream: &Stream) -> Option<Self> {
         let mut predictor = stream.predictor;
         let decoded = decode_block(&mut predictor, bytes).ok()?;
         let (mut volume_units, mut melt_knots) = (stream.volume_units, 0);
@@ -103,6 +124,7 @@ impl Unpacking {
             }
         }
         Some(Self {
+            line,
             sequence,
             weighed: 0,
             knots: Vec::new(),

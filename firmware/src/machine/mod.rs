@@ -23,7 +23,7 @@ use crate::configuration::{ConfigurationError, MachineConfiguration};
 use crate::drivers::{DriverPort, DriverService};
 use crate::heat::Outputs;
 use crate::heat::service::HeatService;
-use crate::line::{Outgoing, Receiver, Request};
+use crate::line::{Conversation, Receiver};
 use crate::motion::Motion;
 use crate::motion::inputs::Inputs;
 use crate::motion::probe_pin::ProbePin;
@@ -32,14 +32,15 @@ use crate::steps::StepPlayer;
 use crate::steps::output::StepOutput;
 use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
 use headway_protocol::message::Fault;
-use round::{Controller, Surroundings};
+use round::{Controller, Link, Surroundings};
 use servo::{Servo, stop_if_due};
 
 /// Receiver, motion and step player.
 #[derive(Clone, Debug)]
 pub struct Machine {
     receiver: Receiver,
-    outgoing: Outgoing,
+    /// The first line, which is always there.
+    link: Link,
     servo: Servo,
     player: StepPlayer,
     /// Rounds of the main loop.
@@ -72,7 +73,7 @@ impl Machine {
         Self::check(configuration, switches)?;
         Ok(Self {
             receiver: Receiver::new(configuration, session),
-            outgoing: Outgoing::new(),
+            link: Link::new(Conversation::new(configuration, 0)),
             servo: Servo::new(Motion::new(configuration, switches)),
             player: StepPlayer::new(configuration.interval_ticks()),
             rounds: 0,
@@ -92,14 +93,36 @@ impl Machine {
         switches.check(configuration)
     }
 
-    /// Takes bytes from the line.
+    /// Takes bytes from the first line.
     pub fn handle_bytes(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            if let Some(request) = self.push(byte) {
-                self.receiver.apply(request, self.servo.motion_mut());
-            }
-        }
+        hear(
+            &mut self.receiver,
+            &mut self.link.talk,
+            &mut self.servo,
+            bytes,
+        );
         stop_if_due(self.servo.motion_mut(), &mut self.player);
+    }
+
+    /// Takes bytes from another line.
+    pub fn handle_line(&mut self, talk: &mut Conversation, bytes: &[u8]) {
+        hear(&mut self.receiver, talk, &mut self.servo, bytes);
+        stop_if_due(self.servo.motion_mut(), &mut self.player);
+    }
+
+    /// The connection of another line has ended, see [`Receiver::hang_up`].
+    pub fn hang_up(&mut self, talk: &Conversation) {
+        self.receiver.hang_up(talk);
+    }
+
+    /// See [`Receiver::is_owner`].
+    pub fn is_owner(&self, talk: &Conversation) -> bool {
+        self.receiver.is_owner(talk)
+    }
+
+    /// See [`Receiver::wait_for_host`].
+    pub fn wait_for_host(&mut self, silent_ms: u32) {
+        self.receiver.wait_for_host(silent_ms);
     }
 
     /// The board has a store for settings, see [`Receiver::keep_settings`].
@@ -131,54 +154,19 @@ impl Machine {
         service.tell(self.servo.motion_mut());
     }
 
-    /// Stores received settings, see [`Receiver::store_settings`].
-    pub fn store_settings(&mut self, put: impl FnOnce(&[u8]) -> bool) {
-        self.receiver.store_settings(put);
+    /// Stores settings that have come from the first line, see [`Receiver::store_settings`].
+    pub fn store_first_settings(&mut self, put: impl FnOnce(&[u8]) -> bool) {
+        self.receiver.store_settings(&mut self.link.talk, put);
     }
 
-    /// Receives bytes from a second line ([`Receiver::watching`]).
-    pub fn handle_watcher(&mut self, watcher: &mut Receiver, bytes: &[u8]) {
-        watcher.watch(&self.receiver, self.servo.motion());
-        for &byte in bytes {
-            if let Some(request) = watcher.receive(0, byte) {
-                watcher.apply(request, self.servo.motion_mut());
-            }
-        }
-        stop_if_due(self.servo.motion_mut(), &mut self.player);
+    /// The same from another line.
+    pub fn store_settings(&mut self, talk: &mut Conversation, put: impl FnOnce(&[u8]) -> bool) {
+        self.receiver.store_settings(talk, put);
     }
 
-    /// Receives a byte of the first line, and returns the request that it completes, for [`Self::apply`]. A block of
-    /// knots is handed over at once.
-    pub fn push(&mut self, byte: u8) -> Option<Request> {
-        let request = self.receiver.receive(0, byte);
-        if self.receiver.is_busy() {
-            self.receiver.work(KNOTS_PER_BLOCK_MAX);
-            self.receiver.deliver(self.servo.motion_mut());
-        }
-        request
-    }
-
-    /// Hands over a request of the host on the first line.
-    pub fn apply(&mut self, request: Request) {
-        self.receiver.apply(request, self.servo.motion_mut());
-        stop_if_due(self.servo.motion_mut(), &mut self.player);
-    }
-
-    /// Hands over a request of a host on a second line.
-    pub fn apply_watcher(&mut self, watcher: &mut Receiver, request: Request) {
-        watcher.watch(&self.receiver, self.servo.motion());
-        watcher.apply(request, self.servo.motion_mut());
-        stop_if_due(self.servo.motion_mut(), &mut self.player);
-    }
-
-    /// Exchanges the hosts on the first line and on a second one, see [`Receiver::exchange_hosts`].
-    pub fn exchange_hosts(&mut self, watcher: &mut Receiver) {
-        self.receiver.exchange_hosts(watcher);
-    }
-
-    /// The next report for a second line, like [`Self::poll_report`].
-    pub fn poll_watcher(&self, watcher: &mut Receiver, out: &mut [u8]) -> usize {
-        watcher.poll_report(self.servo.motion(), out)
+    /// The next report for another line, like [`Self::poll_report`].
+    pub fn poll_line(&self, talk: &mut Conversation, out: &mut [u8]) -> usize {
+        self.receiver.poll_report(talk, self.servo.motion(), out)
     }
 
     /// Levels of the inputs, for the next servo tick.
@@ -200,7 +188,8 @@ impl Machine {
             rounds: &mut self.rounds,
             output,
         };
-        round::round(&mut self.receiver, &mut self.outgoing, &mut turns, around);
+        let links = core::slice::from_mut(&mut self.link);
+        round::round(&mut self.receiver, links, &mut turns, around);
     }
 
     /// One step tick.
@@ -228,7 +217,8 @@ impl Machine {
     /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX` long) and returns its
     /// length; 0 if there is nothing to report.
     pub fn poll_report(&mut self, out: &mut [u8]) -> usize {
-        self.receiver.poll_report(self.servo.motion(), out)
+        let motion = self.servo.motion();
+        self.receiver.poll_report(&mut self.link.talk, motion, out)
     }
 
     /// Adds these heaters with their control, off at first.
@@ -254,6 +244,20 @@ impl Machine {
     pub fn fail_at_once(&mut self, fault: Fault) {
         self.servo.motion_mut().fail_at_once(fault);
         stop_if_due(self.servo.motion_mut(), &mut self.player);
+    }
+}
+
+/// Bytes of a line; a block of knots is handed over at once.
+fn hear(receiver: &mut Receiver, talk: &mut Conversation, servo: &mut Servo, bytes: &[u8]) {
+    for &byte in bytes {
+        let request = receiver.receive(talk, byte);
+        if receiver.is_busy() {
+            receiver.work(KNOTS_PER_BLOCK_MAX);
+            receiver.deliver(talk, servo.motion_mut());
+        }
+        if let Some(request) = request {
+            receiver.apply(talk, request, servo.motion_mut());
+        }
     }
 }
 

@@ -3,13 +3,13 @@
 //!
 //! ```text
 //! bytes of a line -> messages, knots weighed -> (servo and steps) -> spans to come -> heat -> drivers -> probe's pin
-//!                 -> bytes of a second line  -> a report
+//!                 -> bytes of the other lines  -> a report to each
 //! ```
 //! In: a [`Receiver`], the motion through a [`Controller`], the hardware around it through [`Surroundings`]. Out:
 //! bytes; duties and pulses to the surroundings. Time is not counted here: a board repeats it as fast as it can, a
-//! simulation once per servo period. Not covered: several hosts that are exchanged, as on a simulated board.
+//! simulation once per servo period. Not covered: lines that come and go.
 
-use crate::line::{Outgoing, Receiver, Request, SECOND_LINE};
+use crate::line::{Conversation, Outgoing, Receiver, Request};
 use crate::motion::Motion;
 
 /// What servo and steps own, as the main loop gets at it: on a board under a lock.
@@ -43,8 +43,8 @@ pub trait Surroundings {
     }
     /// Sends what a line takes of it: how many bytes.
     fn send(&mut self, line: usize, bytes: &[u8]) -> usize;
-    /// Stores received settings.
-    fn store(&mut self, _receiver: &mut Receiver) {}
+    /// Stores received settings of a line.
+    fn store(&mut self, _receiver: &mut Receiver, _talk: &mut Conversation) {}
     /// Serves the heaters when a period is due.
     fn heat(&mut self, _controller: &mut impl Controller) {}
     /// Serves the drivers when their turn is due.
@@ -53,16 +53,37 @@ pub trait Surroundings {
     fn pulse(&mut self, _pulse_us: u16) {}
 }
 
+/// A line with what is said on it.
+#[derive(Clone, Debug)]
+pub struct Link {
+    /// Its host.
+    pub talk: Conversation,
+    /// The report that is being sent.
+    pub outgoing: Outgoing,
+}
+
+impl Link {
+    /// Nobody was heard yet.
+    pub fn new(talk: Conversation) -> Self {
+        Self {
+            talk,
+            outgoing: Outgoing::new(),
+        }
+    }
+}
+
 /// One round.
 #[inline(always)]
 pub fn round<S: Surroundings>(
     receiver: &mut Receiver,
-    outgoing: &mut Outgoing,
+    links: &mut [Link],
     controller: &mut impl Controller,
     around: &mut S,
 ) {
     controller.note_round();
-    hear(receiver, 0, controller, around);
+    if let Some(first) = links.first_mut() {
+        hear(receiver, 0, &mut first.talk, controller, around);
+    }
     controller.interrupts();
     look_ahead(controller);
     around.heat(controller);
@@ -70,8 +91,12 @@ pub fn round<S: Surroundings>(
     if let Some(pulse_us) = controller.with_motion(|motion| motion.probe_pulse_us()) {
         around.pulse(pulse_us);
     }
-    hear(receiver, SECOND_LINE, controller, around);
-    report(receiver, outgoing, controller, around);
+    for (line, link) in links.iter_mut().enumerate().skip(1) {
+        hear(receiver, line, &mut link.talk, controller, around);
+    }
+    for (line, link) in links.iter_mut().enumerate() {
+        report(receiver, line, link, controller, around);
+    }
 }
 
 /// Bytes of a line and the work that they bring: one piece of each, or all.
@@ -79,13 +104,14 @@ pub fn round<S: Surroundings>(
 fn hear<S: Surroundings>(
     receiver: &mut Receiver,
     line: usize,
+    talk: &mut Conversation,
     controller: &mut impl Controller,
     around: &mut S,
 ) {
     loop {
-        let heard = take_bytes(receiver, line, around.heard(line), controller);
-        around.store(receiver);
-        let worked = line == 0 && work(receiver, S::WEIGHED_KNOTS, controller);
+        let heard = take_bytes(receiver, talk, around.heard(line), controller);
+        around.store(receiver, talk);
+        let worked = work(receiver, talk, S::WEIGHED_KNOTS, controller);
         if !S::AT_ONCE || !(heard || worked) {
             return;
         }
@@ -97,15 +123,15 @@ fn hear<S: Surroundings>(
 #[inline(never)]
 pub fn take_bytes(
     receiver: &mut Receiver,
-    line: usize,
+    talk: &mut Conversation,
     bytes: &mut impl Iterator<Item = u8>,
     controller: &mut impl Controller,
 ) -> bool {
     while !receiver.is_busy()
         && let Some(byte) = bytes.next()
     {
-        if let Some(request) = receiver.receive(line, byte) {
-            apply(receiver, request, controller);
+        if let Some(request) = receiver.receive(talk, byte) {
+            apply(receiver, talk, request, controller);
             return true;
         }
     }
@@ -114,18 +140,28 @@ pub fn take_bytes(
 
 // A message is on the stack while it is executed, not with the line's bytes.
 #[inline(never)]
-fn apply(receiver: &mut Receiver, request: Request, controller: &mut impl Controller) {
-    controller.command(|motion| receiver.apply(request, motion));
+fn apply(
+    receiver: &mut Receiver,
+    talk: &mut Conversation,
+    request: Request,
+    controller: &mut impl Controller,
+) {
+    controller.command(|motion| receiver.apply(talk, request, motion));
 }
 
 /// A part of the work due to the last message. True if there was any.
 #[inline(never)]
-pub fn work(receiver: &mut Receiver, knots: usize, controller: &mut impl Controller) -> bool {
-    if !receiver.is_busy() {
+pub fn work(
+    receiver: &mut Receiver,
+    talk: &mut Conversation,
+    knots: usize,
+    controller: &mut impl Controller,
+) -> bool {
+    if !receiver.is_busy_with(talk) {
         return false;
     }
     receiver.work(knots);
-    controller.with_motion(|motion| receiver.deliver(motion));
+    controller.with_motion(|motion| receiver.deliver(talk, motion));
     true
 }
 
@@ -138,23 +174,23 @@ pub fn look_ahead(controller: &mut impl Controller) -> bool {
 /// A report, or the rest of one; all of them if they are sent at once.
 #[inline(always)]
 fn report<S: Surroundings>(
-    receiver: &mut Receiver,
-    outgoing: &mut Outgoing,
+    receiver: &Receiver,
+    line: usize,
+    link: &mut Link,
     controller: &mut impl Controller,
     around: &mut S,
 ) {
     loop {
-        let line = receiver.line();
         if !around.has_room(line) {
             return;
         }
-        let bytes = pending(receiver, outgoing, controller);
+        let bytes = pending(receiver, link, controller);
         let sent = if bytes.is_empty() {
             0
         } else {
             around.send(line, bytes)
         };
-        outgoing.sent(sent);
+        link.outgoing.sent(sent);
         if !S::AT_ONCE || sent == 0 {
             return;
         }
@@ -164,13 +200,13 @@ fn report<S: Surroundings>(
 /// The bytes to send now: one part of the main loop's work.
 #[inline(never)]
 pub fn pending<'a>(
-    receiver: &mut Receiver,
-    outgoing: &'a mut Outgoing,
+    receiver: &Receiver,
+    link: &'a mut Link,
     controller: &mut impl Controller,
 ) -> &'a [u8] {
-    outgoing.pending(receiver, |receiver| {
+    link.outgoing.pending(&mut link.talk, |talk| {
         controller
-            .with_motion(|motion| receiver.take_report(motion))
+            .with_motion(|motion| receiver.take_report(talk, motion))
             .flatten()
     })
 }

@@ -119,6 +119,17 @@ impl HeatPanel {
         self.targets_c.iter().any(|target_c| *target_c > 0.0)
     }
 
+    /// A heater's target, tenths of a degree; 0 for off, and where there is none.
+    pub fn target_decidegrees(&self, heater: u8) -> u16 {
+        let target_c = self.targets_c.get(usize::from(heater));
+        target_c.map_or(0, |target_c| (target_c * PER_CELSIUS + 0.5) as u16)
+    }
+
+    /// The stream waits for this heater.
+    pub fn is_awaited(&self, heater: u8) -> bool {
+        self.waits.unbounded_shr(heater.into()) & 1 == 1
+    }
+
     /// The part fan, in thousandths.
     ///
     /// # Errors

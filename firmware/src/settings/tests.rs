@@ -319,7 +319,7 @@ impl Line {
         let length = encode_frame(self.sequence, message, &mut out).unwrap();
         self.machine.handle_bytes(&out[..length]);
         let (stored, works) = (&mut self.stored, self.flash_works);
-        self.machine.store_settings(|record| {
+        self.machine.store_first_settings(|record| {
             stored.push(record.to_vec());
             works
         });

@@ -1,26 +1,17 @@
-//! The hosts of a simulated board: one streams and moves, the others query and stop.
+//! The connections of a simulated board: lines of its controller, of which one host streams, moves and heats, and the
+//! others query and stop. Which one is the controller's business (`headway_firmware::line`).
 //!
-//! ```text
-//! connections -> nothing of them is read twice: first line -> the machine's own receiver
-//!                                               others     -> a receiver each (`Receiver::watching`)
-//! ```
-//! The first line belongs to the host that has requested something that needs it (a stream, a move, heat), or that
-//! sends while no host has it. Another host that needs it gets it if the first host has requested nothing of that
-//! kind, or its machine is at rest, cold and without a stream, or it was silent for as long as the board waits for a
-//! host. A host that only queries never takes it from another, so that a watcher does not interfere with the next
-//! stream. Silent connections do not occupy a slot that another one needs: the one that was silent longest is closed.
+//! Silent connections do not occupy a slot that another one needs: the one that was silent longest is closed.
 
 use crate::drive::transport::{Listener, Transport};
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::heat::HOST_SILENT_S;
-use headway_firmware::line::{Receiver, Request};
+use headway_firmware::line::Conversation;
 use headway_firmware::machine::Machine;
 use headway_protocol::frame::FRAME_BYTES_MAX;
-use headway_protocol::message::DeviceState;
 use std::io;
 use std::time::{Duration, Instant};
 
-/// Connections at once, the first line's among them.
+/// Connections at once.
 const LINES_MAX: usize = 16;
 /// Connections that are let in at once.
 const ACCEPTS: usize = 8;
@@ -28,7 +19,7 @@ const ACCEPTS: usize = 8;
 const REPORTS_MAX: usize = 32;
 /// What may wait for a host that does not read, bytes: some seconds of reports.
 const UNSENT_BYTES_MAX: usize = 65_536;
-/// How long the board waits for a host on the first line that does not read: the virtual time waits with it.
+/// How long the board waits for the host that has the machine and does not read: the virtual time waits with it.
 const ROOM_PATIENCE: Duration = Duration::from_secs(2);
 
 /// A connection.
@@ -36,198 +27,141 @@ struct Line {
     transport: Box<dyn Transport>,
     /// Bytes that it has not received yet.
     unsent: Vec<u8>,
-    /// Its own conversation, while it is not the first one.
-    receiver: Receiver,
-    /// Time of its last complete message, or of its connection.
+    talk: Conversation,
+    /// Time of its last bytes, or of its connection.
     heard: Instant,
-    /// It has sent a complete message.
     has_spoken: bool,
-    /// It has requested something that needs the first line, and got it.
-    has_claimed: bool,
 }
 
 /// All connections.
 #[derive(Default)]
 pub(super) struct Lines {
-    first: Option<Line>,
-    others: Vec<Line>,
+    lines: Vec<Line>,
+    /// Number of the next one: 0 is the controller's own.
+    next: u8,
     /// Hosts that have connected.
     pub hosts: u64,
 }
 
 impl Lines {
-    /// Drops the first line, as a pulled cable does.
-    pub(super) fn pull(&mut self) {
-        self.first = None;
+    /// Drops the line of the host that has the machine, as a pulled cable does.
+    pub(super) fn pull(&mut self, machine: &mut Machine) {
+        let owner = |line: &Line| machine.is_owner(&line.talk);
+        if let Some(number) = self.lines.iter().position(owner) {
+            self.close(number, machine);
+        }
+    }
+
+    fn close(&mut self, number: usize, machine: &mut Machine) {
+        let line = self.lines.remove(number);
+        machine.hang_up(&line.talk);
     }
 
     /// Accepts new connections; if there is no free place, the one that was silent longest is closed,
-    /// never the first one.
+    /// never that of the host that has the machine.
     pub(super) fn accept(
         &mut self,
         listener: &Listener,
-        machine: &MachineConfiguration,
-        session: u32,
+        configuration: &MachineConfiguration,
+        machine: &mut Machine,
     ) -> io::Result<()> {
         for _ in 0..ACCEPTS {
             let transport = match listener.accept() {
                 Ok(Some(transport)) => transport,
                 Ok(None) => return Ok(()),
                 // Who has a line is served for as long as there is one.
-                Err(_) if self.first.is_some() || !self.others.is_empty() => return Ok(()),
+                Err(_) if !self.lines.is_empty() => return Ok(()),
                 Err(error) => return Err(error),
             };
             self.hosts += 1;
-            if self.others.len() + 1 >= LINES_MAX {
-                let silence = |line: &(usize, &Line)| (line.1.has_spoken, line.1.heard);
-                let longest = self.others.iter().enumerate().min_by_key(silence);
+            if self.lines.len() >= LINES_MAX {
+                let lines = self.lines.iter().enumerate();
+                let others = lines.filter(|(_, line)| !machine.is_owner(&line.talk));
+                let longest = others.min_by_key(|(_, line)| (line.has_spoken, line.heard));
                 if let Some((number, _)) = longest {
-                    self.others.remove(number);
+                    self.close(number, machine);
                 }
             }
-            self.others.push(Line {
+            self.next = self.free_number();
+            self.lines.push(Line {
                 transport,
                 unsent: Vec::new(),
-                receiver: Receiver::watching(machine, session),
+                talk: Conversation::new(configuration, self.next),
                 heard: Instant::now(),
                 has_spoken: false,
-                has_claimed: false,
             });
         }
         Ok(())
     }
 
-    /// Takes the bytes of all lines; `each` is called after every request of the first one. True if there were any.
+    /// A number that no line has: there are fewer lines than numbers.
+    fn free_number(&self) -> u8 {
+        let numbers = (1..=u8::MAX).map(|step| self.next.wrapping_add(step).max(1));
+        let is_free = |number: &u8| self.lines.iter().all(|line| line.talk.line() != *number);
+        numbers.into_iter().find(is_free).unwrap_or(1)
+    }
+
+    /// Takes the bytes of all lines; `each` is called after every message. True if there were any.
     pub(super) fn hear(
         &mut self,
         machine: &mut Machine,
-        mut each: impl FnMut(&mut Machine),
+        mut each: impl FnMut(&mut Machine, &mut Conversation),
     ) -> bool {
         let mut has_heard = false;
         let mut buffer = [0u8; 4096];
-        if let Some(line) = &mut self.first {
-            match line.transport.receive(&mut buffer) {
-                Ok(count) => {
-                    has_heard |= count > 0;
-                    line.hear_first(&buffer[..count], machine, &mut each);
-                }
-                Err(_) => self.first = None,
-            }
-        }
         let mut number = 0;
-        while number < self.others.len() {
-            match self.others[number].transport.receive(&mut buffer) {
-                Ok(0) => number += 1,
-                Ok(count) => {
-                    has_heard = true;
-                    let bytes = &buffer[..count];
-                    number += usize::from(!self.hear_other(number, bytes, machine, &mut each));
-                }
-                Err(_) => drop(self.others.remove(number)),
+        while number < self.lines.len() {
+            let line = &mut self.lines[number];
+            let Ok(count) = line.transport.receive(&mut buffer) else {
+                self.close(number, machine);
+                continue;
+            };
+            number += 1;
+            if count == 0 {
+                continue;
+            }
+            has_heard = true;
+            line.heard = Instant::now();
+            line.has_spoken = true;
+            for message in buffer[..count].split_inclusive(|byte| *byte == 0) {
+                machine.handle_line(&mut line.talk, message);
+                each(machine, &mut line.talk);
             }
         }
         has_heard
     }
 
-    /// Bytes of a line that is not the first one; true if it is now.
-    fn hear_other(
-        &mut self,
-        number: usize,
-        bytes: &[u8],
-        machine: &mut Machine,
-        each: &mut impl FnMut(&mut Machine),
-    ) -> bool {
-        for (at, &byte) in bytes.iter().enumerate() {
-            let (may_be_taken, has_none) = (self.may_be_taken(machine), self.first.is_none());
-            let line = &mut self.others[number];
-            let Some(request) = line.receiver.receive(0, byte) else {
-                continue;
-            };
-            line.heard = Instant::now();
-            let is_new = !std::mem::replace(&mut line.has_spoken, true);
-            let speaks_first = is_new && has_none;
-            if speaks_first || (may_be_taken && request.needs_the_line()) {
-                let mut line = self.others.remove(number);
-                // A host that speaks first may be the last one on a new connection: its numbers
-                // continue.
-                if !speaks_first {
-                    machine.exchange_hosts(&mut line.receiver);
-                }
-                if let Some(mut before) = self.first.take() {
-                    std::mem::swap(&mut before.receiver, &mut line.receiver);
-                    before.has_claimed = false;
-                    self.others.push(before);
-                }
-                let first = self.first.insert(line);
-                first.take(request, machine, each);
-                first.hear_first(&bytes[at + 1..], machine, each);
-                return true;
-            }
-            machine.apply_watcher(&mut line.receiver, request);
-        }
-        false
-    }
-
-    /// Whether another host that needs the first line gets it.
-    fn may_be_taken(&self, machine: &Machine) -> bool {
-        let motion = machine.motion();
-        let has_no_job = matches!(
-            motion.state(),
-            DeviceState::Idle | DeviceState::Finished | DeviceState::Faulted
-        );
-        let is_free = has_no_job && motion.is_at_rest() && !motion.heat().is_on();
-        self.first.as_ref().is_none_or(|first| {
-            let is_silent = first.heard.elapsed().as_secs_f32() > HOST_SILENT_S;
-            !first.has_claimed || is_free || is_silent
-        })
-    }
-
-    /// The board's reports to the first host.
+    /// The board's reports to all hosts.
     pub(super) fn report(&mut self, machine: &mut Machine) {
-        if let Some(line) = &mut self.first
-            && line.say(&[]).is_err()
-        {
-            self.first = None;
-        }
-        let mut out = [0u8; FRAME_BYTES_MAX];
-        for _ in 0..REPORTS_MAX {
-            let length = machine.poll_report(&mut out);
-            if length == 0 {
-                return;
-            }
-            if let Some(line) = &mut self.first
-                && line
-                    .say(&out[..length])
-                    .and_then(|()| line.wait_for_room())
-                    .is_err()
-            {
-                self.first = None;
+        let mut number = 0;
+        while number < self.lines.len() {
+            match self.lines[number].report(machine) {
+                Ok(()) => number += 1,
+                Err(_) => self.close(number, machine),
             }
         }
-    }
-
-    /// Its reports to the others.
-    pub(super) fn report_others(&mut self, machine: &Machine) {
-        self.others.retain_mut(|line| {
-            let mut out = [0u8; FRAME_BYTES_MAX];
-            if line.say(&[]).is_err() {
-                return false;
-            }
-            for _ in 0..REPORTS_MAX {
-                let length = machine.poll_watcher(&mut line.receiver, &mut out);
-                if length == 0 {
-                    return true;
-                }
-                if line.say(&out[..length]).is_err() || line.unsent.len() > UNSENT_BYTES_MAX {
-                    return false;
-                }
-            }
-            true
-        });
     }
 }
 
 impl Line {
+    fn report(&mut self, machine: &Machine) -> io::Result<()> {
+        self.say(&[])?;
+        let mut out = [0u8; FRAME_BYTES_MAX];
+        for _ in 0..REPORTS_MAX {
+            let length = machine.poll_line(&mut self.talk, &mut out);
+            if length == 0 {
+                return Ok(());
+            }
+            self.say(&out[..length])?;
+            if machine.is_owner(&self.talk) {
+                self.wait_for_room()?;
+            } else if self.unsent.len() > UNSENT_BYTES_MAX {
+                return Err(io::Error::from(io::ErrorKind::TimedOut));
+            }
+        }
+        Ok(())
+    }
+
     /// Sends what there is room for.
     fn say(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.unsent.extend_from_slice(bytes);
@@ -250,32 +184,5 @@ impl Line {
             self.say(&[])?;
         }
         Ok(())
-    }
-
-    /// Bytes of the first line.
-    fn hear_first(
-        &mut self,
-        bytes: &[u8],
-        machine: &mut Machine,
-        each: &mut impl FnMut(&mut Machine),
-    ) {
-        for &byte in bytes {
-            if let Some(request) = machine.push(byte) {
-                self.take(request, machine, each);
-            }
-        }
-    }
-
-    fn take(
-        &mut self,
-        request: Request,
-        machine: &mut Machine,
-        each: &mut impl FnMut(&mut Machine),
-    ) {
-        self.heard = Instant::now();
-        self.has_spoken = true;
-        self.has_claimed |= request.needs_the_line();
-        machine.apply(request);
-        each(machine);
     }
 }

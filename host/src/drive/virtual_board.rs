@@ -20,9 +20,11 @@ use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_firmware::configuration::{
     ConfigurationError, JOINTS_MAX, MOTORS_MAX, MachineConfiguration,
 };
-use headway_firmware::design::WEIGHED_KNOTS;
+use headway_firmware::design::{HOST_SILENT_MS, WEIGHED_KNOTS};
 use headway_firmware::drivers::DriverService;
+use headway_firmware::heat::HOST_SILENT_S;
 use headway_firmware::kinematics::forward;
+use headway_firmware::line::Conversation;
 use headway_firmware::machine::Machine;
 use headway_firmware::machine::round::{Controller, Surroundings};
 use headway_firmware::motion::inputs::Inputs;
@@ -215,7 +217,11 @@ impl VirtualBoard {
     pub fn new(setup: BoardSetup, listener: Listener) -> Result<VirtualBoard, ConfigurationError> {
         let mut machine = Machine::with_switches(&setup.machine, &setup.switches, setup.session)?;
         machine.fit_probe_pin(setup.bed.pin);
-        let heaters = VirtualHeaters::new(&mut machine, &setup.machine, &setup.heat);
+        let mut heaters = VirtualHeaters::new(&mut machine, &setup.machine, &setup.heat);
+        // Its time may run faster than that of its hosts, who have to be heard as often as a real board hears them.
+        let patience = setup.speed.max(1.0);
+        machine.wait_for_host((f64::from(HOST_SILENT_MS) * patience) as u32);
+        heaters.wait_for_host(HOST_SILENT_S * patience as f32);
         Ok(VirtualBoard {
             setup,
             machine,
@@ -273,7 +279,7 @@ impl VirtualBoard {
 
     /// Drops the connection, as a pulled cable does.
     pub fn pull(&mut self) {
-        self.lines.pull();
+        self.lines.pull(&mut self.machine);
     }
 
     /// The controller.
@@ -297,9 +303,9 @@ impl VirtualBoard {
     fn turn(&mut self) -> io::Result<()> {
         let store = &mut self.store;
         // After each message: what one completes is stored before the next is taken.
-        let keep = |machine: &mut Machine| {
+        let keep = |machine: &mut Machine, talk: &mut Conversation| {
             if let Some(store) = store {
-                machine.store_settings(store);
+                machine.store_settings(talk, store);
             }
         };
         if !self.lines.hear(&mut self.machine, keep) {
@@ -307,9 +313,9 @@ impl VirtualBoard {
         }
         self.pass();
         self.lines.report(&mut self.machine);
-        self.lines.report_others(&self.machine);
-        let (machine, session) = (&self.setup.machine, self.setup.session);
-        self.lines.accept(&self.listener, machine, session)
+        let configuration = &self.setup.machine;
+        self.lines
+            .accept(&self.listener, configuration, &mut self.machine)
     }
 
     fn pass(&mut self) {

@@ -53,6 +53,11 @@ impl VirtualHeaters {
         }
     }
 
+    /// The board waits so long for a silent host.
+    pub fn wait_for_host(&mut self, silent_s: f32) {
+        self.service.wait_for_host(silent_s);
+    }
+
     /// A servo tick.
     pub fn tick(&mut self, machine: &mut Machine) {
         self.turn(|service| machine.serve_heat(service, 0));

@@ -40,8 +40,8 @@ use headway_firmware::board::{BoardPins, ByteRing, Incoming, chip_fault, fetch, 
 use headway_firmware::configuration::board_name::{Known, UNNAMED};
 use headway_firmware::configuration::drivers::DriversConfiguration;
 use headway_firmware::design::WEIGHED_KNOTS;
-use headway_firmware::line::{Outgoing, Receiver, SECOND_LINE};
-use headway_firmware::machine::round::{Controller, Surroundings, round};
+use headway_firmware::line::{Conversation, Receiver};
+use headway_firmware::machine::round::{Controller, Link, Surroundings, round};
 use headway_firmware::motion::inputs::{EMERGENCY_LOOK_NS, Inputs, is_held};
 use headway_firmware::motion::probe_pin::PulsePort;
 use headway_firmware::settings::BoardSettings;
@@ -55,6 +55,10 @@ const MULTIPLEXER_CLOCK_MASK: u32 = 1 << 14;
 pub const CORE_HZ: u32 = 168_000_000;
 /// Of the upper four priority bits: below the steps, above the servo.
 const SERIAL_PRIORITY: u8 = 0x40;
+
+/// The serial line, and USB.
+const LINES: usize = 2;
+const USB_LINE: usize = 1;
 
 /// What a board hands over.
 pub struct Parts {
@@ -291,7 +295,7 @@ impl Surroundings for Around {
 
     #[inline(always)]
     fn heard(&mut self, line: usize) -> &mut Incoming {
-        if line == SECOND_LINE {
+        if line == USB_LINE {
             fetch(&mut self.usb, &mut self.from_usb);
             &mut self.from_usb
         } else {
@@ -302,7 +306,7 @@ impl Surroundings for Around {
 
     #[inline(always)]
     fn send(&mut self, line: usize, bytes: &[u8]) -> usize {
-        if line == SECOND_LINE {
+        if line == USB_LINE {
             send(&mut self.usb, bytes)
         } else {
             send(&mut self.serial, bytes)
@@ -310,8 +314,8 @@ impl Surroundings for Around {
     }
 
     #[inline(always)]
-    fn store(&mut self, receiver: &mut Receiver) {
-        self.kept.store(receiver);
+    fn store(&mut self, receiver: &mut Receiver, talk: &mut Conversation) {
+        self.kept.store(receiver, talk);
     }
 
     #[inline(always)]
@@ -330,13 +334,12 @@ impl Surroundings for Around {
     }
 }
 
-/// The main loop. Reports go to the line on which a valid frame came last.
+/// The main loop.
 // A function of its own: tests stop where the set-up is over.
 #[inline(never)]
-fn serve(mut receiver: Receiver, mut around: Around) -> ! {
-    let mut outgoing = Outgoing::new();
+fn serve(mut receiver: Receiver, mut links: [Link; LINES], mut around: Around) -> ! {
     loop {
-        round(&mut receiver, &mut outgoing, &mut Locked, &mut around);
+        round(&mut receiver, &mut links, &mut Locked, &mut around);
     }
 }
 
@@ -439,7 +442,8 @@ fn run() -> Option<()> {
         from_serial: Incoming::new(),
         from_usb: Incoming::new(),
     };
-    serve(receiver, around)
+    let links = [0, 1].map(|line| Link::new(Conversation::new(&configuration, line)));
+    serve(receiver, links, around)
 }
 
 /// Called from the boards' entry points. It only ends if the built-in machine cannot be run, or the

@@ -9,7 +9,7 @@ use crate::board::{INPUTS, MOTORS, NAMES, SETTINGS_SECTORS, heaters_off};
 use crate::stm32f4::{heat, start};
 use headway_firmware::board::built_in::{built_for, kept_settings};
 use headway_firmware::board::sector_flash::{FlashBus, LOOKS_MAX, SectorFlash};
-use headway_firmware::line::Receiver;
+use headway_firmware::line::{Conversation, Receiver};
 use headway_firmware::settings::store::SettingsStore;
 use headway_firmware::settings::{BoardLimits, BoardSettings};
 
@@ -80,8 +80,8 @@ impl KeptSettings {
     }
 
     /// Stores received settings, if there are any.
-    pub fn store(&mut self, receiver: &mut Receiver) {
-        receiver.store_settings(|record| self.put(record));
+    pub fn store(&mut self, receiver: &mut Receiver, talk: &mut Conversation) {
+        receiver.store_settings(talk, |record| self.put(record));
     }
 
     #[inline(never)]

@@ -12,8 +12,8 @@ use crate::heat::tests::counts;
 mod cold;
 
 /// A machine with a hot end and a bed.
-struct Hot {
-    host: Host,
+pub(super) struct Hot {
+    pub(super) host: Host,
     service: HeatService,
     outputs: Outputs,
     celsius: [f32; 2],
@@ -22,7 +22,7 @@ struct Hot {
 }
 
 impl Hot {
-    fn new(celsius: f32) -> Self {
+    pub(super) fn new(celsius: f32) -> Self {
         let (configuration, job) = (planar(), flower());
         let mut host = Host::new(&configuration, &job);
         let heat = HeatConfiguration::standard();
@@ -36,7 +36,7 @@ impl Hot {
         }
     }
 
-    fn heat(&mut self, heater: u8, decidegrees: u16, wait: bool) {
+    pub(super) fn heat(&mut self, heater: u8, decidegrees: u16, wait: bool) {
         self.host.control(HostMessage::Control(Control::Heat {
             heater,
             decidegrees,
@@ -46,7 +46,7 @@ impl Hot {
     }
 
     /// Some servo ticks, as a board's main loop and interrupts make them.
-    fn run(&mut self, ticks: u32) {
+    pub(super) fn run(&mut self, ticks: u32) {
         for _ in 0..ticks {
             self.host.tick();
             let motion = self.host.machine.servo.motion_mut();

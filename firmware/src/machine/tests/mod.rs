@@ -477,6 +477,7 @@ mod fault;
 mod heat;
 mod index;
 mod jog;
+mod lines;
 mod motors;
 mod probe;
 mod refusal;

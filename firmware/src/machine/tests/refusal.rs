@@ -305,17 +305,17 @@ fn events_out_of_their_order_or_behind_the_last_span_are_a_fault() {
 fn a_second_line_hears_and_stops_but_neither_streams_nor_moves() {
     let (configuration, job) = (planar(), flower());
     let mut host = Host::new(&configuration, &job);
-    let mut watcher = Receiver::watching(&configuration, 77);
+    let mut watcher = Conversation::new(&configuration, 1);
     let mut sequence = 40;
     let mut ask = |host: &mut Host, message: HostMessage<'_>| {
         sequence += 1;
         let mut frame = [0; FRAME_BYTES_MAX];
         let length = encode_frame(sequence, &message, &mut frame).unwrap();
-        host.machine.handle_watcher(&mut watcher, &frame[..length]);
+        host.machine.handle_line(&mut watcher, &frame[..length]);
         let mut said = Vec::new();
         let mut decoder = FrameDecoder::new();
         loop {
-            let length = host.machine.poll_watcher(&mut watcher, &mut frame);
+            let length = host.machine.poll_line(&mut watcher, &mut frame);
             if length == 0 {
                 return said;
             }
