@@ -276,6 +276,19 @@ pub enum InputError {
         /// The fault, its place, and the remedy.
         problem: ValidityError,
     },
+    /// A shape on one of another colour, as a page's background or a hole drawn in white.
+    #[error(
+        "{over} lies on {under} near {at}: delete the one that is no part (a background), or, where one is \
+         meant as a hole, cut it out in the drawing program (Inkscape: Path, Difference)"
+    )]
+    TwoColours {
+        /// The lower one, with its colour.
+        under: String,
+        /// The upper one, with its colour.
+        over: String,
+        /// A place where both are.
+        at: At,
+    },
     /// Two regions share some area.
     #[error(
         "{first} and {second} overlap near {at}; move them apart, let --repair merge them, or, where one is \

@@ -187,6 +187,7 @@ impl Reader {
                 what: what.to_string(),
                 rings,
                 rule: Rule::ExteriorFirst,
+                colour: None,
             });
         }
         Ok(())

@@ -40,6 +40,8 @@ pub(super) struct Shape {
     pub what: String,
     pub rings: Vec<RawRing>,
     pub rule: Rule,
+    /// Of its fill, where the format has one: shapes of two colours are not seen as one.
+    pub colour: Option<String>,
 }
 
 /// A contour as drawn.
@@ -86,6 +88,7 @@ pub(super) fn of_polygons(polygons: &[Vec<Vec<[f64; 2]>>]) -> Drawing {
             .map(|(number, points)| ring((polygon, number), points))
             .collect(),
         rule: Rule::ExteriorFirst,
+        colour: None,
     });
     Drawing {
         name: None,
@@ -127,7 +130,11 @@ pub(super) fn to_target(
                 settle::by_fill_rule(&shape.what, rings, FillRule::EvenOdd, options, &mut notes)?
             }
         };
-        regions.extend(found);
+        let colour = &shape.colour;
+        regions.extend(found.into_iter().map(|region| NamedRegion {
+            colour: colour.clone(),
+            ..region
+        }));
     }
     if regions.is_empty() {
         return Err(InputError::Empty {

@@ -46,6 +46,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
             what: "the polygon".into(),
             rings,
             rule: Rule::ExteriorFirst,
+            colour: None,
         }],
         notes: Vec::new(),
     })

@@ -19,6 +19,8 @@ pub(super) struct NamedRegion {
     pub region: Region,
     /// It has been found valid by itself.
     pub is_valid: bool,
+    /// Colour of its fill, where the format has one.
+    pub colour: Option<String>,
 }
 
 /// The first ring is the exterior, the others are its holes.
@@ -110,6 +112,7 @@ pub(super) fn together(
     notes: &mut Vec<String>,
 ) -> Result<Vec<Region>, InputError> {
     let names: Vec<String> = regions.iter().map(|r| r.what.clone()).collect();
+    let colours: Vec<Option<String>> = regions.iter().map(|r| r.colour.clone()).collect();
     let are_valid = regions.iter().all(|r| r.is_valid);
     let regions: Vec<Region> = regions.into_iter().map(|r| r.region).collect();
     let found = if are_valid {
@@ -126,11 +129,7 @@ pub(super) fn together(
                 first,
                 second,
                 at_mm: [x, y],
-            } => InputError::Overlap {
-                first: names[first].clone(),
-                second: names[second].clone(),
-                at: At(Point2::new(x, y)),
-            },
+            } => overlap([first, second], [x, y], &names, &colours),
             problem => InputError::Invalid {
                 region: "the drawing".to_string(),
                 problem,
@@ -154,6 +153,29 @@ pub(super) fn together(
             region: "the drawing after --repair".to_string(),
             problem,
         }),
+    }
+}
+
+/// The refusal of an overlap: a union shows what is drawn only where both have the same colour.
+fn overlap(
+    [first, second]: [usize; 2],
+    [x, y]: [f64; 2],
+    names: &[String],
+    colours: &[Option<String>],
+) -> InputError {
+    let at = At(Point2::new(x, y));
+    let [under, over] = [first.min(second), first.max(second)];
+    match (&colours[under], &colours[over]) {
+        (Some(below), Some(above)) if below != above => InputError::TwoColours {
+            under: format!("{} ({below})", names[under]),
+            over: format!("{} ({above})", names[over]),
+            at,
+        },
+        _ => InputError::Overlap {
+            first: names[first].clone(),
+            second: names[second].clone(),
+            at,
+        },
     }
 }
 
@@ -268,6 +290,7 @@ fn named(what: &str, regions: Vec<Region>, is_valid: bool) -> Vec<NamedRegion> {
             what: name(number),
             region,
             is_valid,
+            colour: None,
         })
         .collect()
 }
@@ -311,6 +334,7 @@ fn nest(
                     what,
                     region,
                     is_valid: false,
+                    colour: None,
                 });
             }
             (true, false) => {

@@ -3,9 +3,10 @@
 //! usvg resolves styles, uses, units, transforms and the view box to CSS pixels (96 to the inch);
 //! here they become mm from the page's lower left corner with y up, so that a part is printed as
 //! displayed. With a unit given, one user unit of the page (of its viewBox) is that long. Each path
-//! is a shape of its own with its fill rule; colours are ignored. Arcs and circles arrive as cubics
-//! that are within 0.03 % of their radius (usvg); flattening adds at most the stated tolerance. Not
-//! covered: strokes, text (turn both into paths), images, clips, masks.
+//! is a shape of its own with its fill rule. What a viewer does not show (clear, hidden, beside its clip
+//! path) is left out and counted. Colours decide only which remedy an overlap has. Arcs and circles arrive
+//! as cubics that are within 0.03 % of their radius (usvg); flattening adds at most the stated tolerance.
+//! Not covered: strokes, text (turn both into paths), images, clips that cut a shape, masks, filters.
 
 use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};
@@ -13,7 +14,7 @@ use super::{InputError, POINTS_MAX, ReadOptions};
 use crate::geometry::{Point2, Vector2};
 use svgtypes::{Align, AspectRatio, ViewBox};
 use usvg::tiny_skia_path::PathSegment;
-use usvg::{Group, Node, Path, roxmltree};
+use usvg::{Fill, Group, Node, Paint, Path, Rect, Stroke, roxmltree};
 
 /// Millimetres in a CSS pixel.
 const MM_PER_PX: f64 = 25.4 / 96.0;
@@ -21,6 +22,17 @@ const MM_PER_PX: f64 = 25.4 / 96.0;
 const CHORDS_MAX: f64 = 10_000.0;
 /// Most nested groups: usvg itself stops at 1024, this keeps the walk's stack small.
 const DEPTH_MAX: usize = 256;
+/// Least opacity that shows: half a step of the 255 that screens have.
+const OPACITY_MIN: f32 = 0.5 / 255.0;
+/// How far a shape may reach beyond its clip path uncut, px: rounding of usvg's f32.
+const CLIP_PX: f32 = 1e-3;
+
+/// How a viewer shows a group's contents.
+#[derive(Clone, Copy)]
+struct Seen {
+    opacity: f32,
+    is_clipped_off: bool,
+}
 
 struct Reader {
     height_px: f64,
@@ -32,6 +44,8 @@ struct Reader {
     strokes: Vec<String>,
     hidden: usize,
     clips: usize,
+    beside_page: usize,
+    page_px: Rect,
 }
 
 /// Reads the filled shapes of a page.
@@ -63,17 +77,24 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
         points: 0,
         shapes: Vec::new(),
         strokes: Vec::new(),
-        hidden: 0,
+        hidden: not_displayed(&xml, &tree),
         clips: 0,
+        beside_page: 0,
+        page_px: tree.size().to_non_zero_rect(0.0, 0.0).to_rect(),
     };
-    reader.group(tree.root(), 0)?;
+    let seen = Seen {
+        opacity: 1.0,
+        is_clipped_off: false,
+    };
+    reader.group(tree.root(), seen, 0)?;
     if let (true, Some(first)) = (reader.shapes.is_empty(), reader.strokes.first()) {
         return Err(InputError::OnlyStrokes {
             count: reader.strokes.len(),
             first: first.clone(),
         });
     }
-    let left_out = unsupported_elements(&xml);
+    let mut left_out = unsupported_elements(&xml);
+    left_out.splice(0..0, reader.hidden_note());
     if reader.shapes.is_empty() && !left_out.is_empty() {
         return Err(InputError::NothingFilled {
             left_out: left_out.join("; "),
@@ -93,46 +114,65 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
 }
 
 impl Reader {
-    fn group(&mut self, group: &Group, depth: usize) -> Result<(), InputError> {
+    fn group(&mut self, group: &Group, mut seen: Seen, depth: usize) -> Result<(), InputError> {
         if depth > DEPTH_MAX {
             return Err(InputError::Syntax {
                 format: "SVG",
                 problem: format!("groups are nested more than {DEPTH_MAX} deep"),
             });
         }
-        if group.clip_path().is_some() || group.mask().is_some() {
-            self.clips += 1;
-        }
+        seen.opacity *= group.opacity().get();
+        let part = group
+            .clip_path()
+            .map_or(Clip::Whole, |clip| clipped(group, clip));
+        seen.is_clipped_off |= matches!(part, Clip::Nothing);
+        self.clips += usize::from(matches!(part, Clip::Part) || group.mask().is_some());
         for node in group.children() {
             match node {
-                Node::Group(inner) => self.group(inner, depth + 1)?,
-                Node::Path(path) => self.path(path)?,
+                Node::Group(inner) => self.group(inner, seen, depth + 1)?,
+                Node::Path(path) => self.path(path, seen)?,
                 Node::Image(_) | Node::Text(_) => {}
             }
         }
         Ok(())
     }
 
-    fn path(&mut self, path: &Path) -> Result<(), InputError> {
+    fn path(&mut self, path: &Path, seen: Seen) -> Result<(), InputError> {
         let number = self.shapes.len() + self.strokes.len() + self.hidden;
         let what = match path.id() {
             "" => format!("shape {number}"),
             id => format!("shape {number} (id '{}')", shortened(id)),
         };
-        if !path.is_visible() {
-            self.hidden += 1;
+        let is_shown = |paint: &Paint, opacity: f32| {
+            let shown = seen.opacity * opacity * opacity_max(paint);
+            path.is_visible() && !seen.is_clipped_off && shown >= OPACITY_MIN
+        };
+        let by_fill = |fill: &&Fill| is_shown(fill.paint(), fill.opacity().get());
+        let by_stroke = |stroke: &Stroke| is_shown(stroke.paint(), stroke.opacity().get());
+        let Some(fill) = path.fill().filter(by_fill) else {
+            match path.stroke().is_some_and(by_stroke) {
+                true => self.strokes.push(what),
+                false => self.hidden += 1,
+            }
             return Ok(());
-        }
-        let Some(fill) = path.fill() else {
-            self.strokes.push(what);
-            return Ok(());
+        };
+        let is_beside = gap_px(path.abs_bounding_box(), self.page_px) > 0.0;
+        self.beside_page += usize::from(is_beside);
+        let colour = match fill.paint() {
+            Paint::Color(c) => format!("#{:02x}{:02x}{:02x}", c.red, c.green, c.blue),
+            _ => "a pattern".to_string(),
         };
         let rings = self.rings(path, &what)?;
         let rule = match fill.rule() {
             usvg::FillRule::NonZero => Rule::NonZero,
             usvg::FillRule::EvenOdd => Rule::EvenOdd,
         };
-        self.shapes.push(Shape { what, rings, rule });
+        self.shapes.push(Shape {
+            what,
+            rings,
+            rule,
+            colour: Some(colour),
+        });
         Ok(())
     }
 
@@ -230,17 +270,107 @@ impl Reader {
                 self.strokes.len()
             ));
         }
-        if self.hidden > 0 {
-            notes.push(format!("{} hidden shapes were ignored", self.hidden));
-        }
         if self.clips > 0 {
             notes.push(format!(
-                "{} groups have a clip path or a mask, which was ignored",
+                "{} groups have a clip path, a mask or the frame of a symbol that cuts them, which was \
+                 ignored",
                 self.clips
+            ));
+        }
+        if self.beside_page > 0 {
+            notes.push(format!(
+                "{} shapes are beside the page, where a browser does not show them",
+                self.beside_page
             ));
         }
         notes
     }
+
+    fn hidden_note(&self) -> Option<String> {
+        let hidden = self.hidden;
+        (hidden > 0).then(|| format!("{hidden} shapes that are not shown were left out"))
+    }
+}
+
+/// What a clip path leaves of a group.
+enum Clip {
+    Whole,
+    Part,
+    Nothing,
+}
+
+/// What is left of a group, by boxes: a clip path that is no upright rectangle may cut whatever it touches.
+fn clipped(group: &Group, clip: &usvg::ClipPath) -> Clip {
+    let bounds = group.bounding_box();
+    let Some(inside) = clip.root().bounding_box().transform(clip.transform()) else {
+        return Clip::Part;
+    };
+    let is_within = inside.left() <= bounds.left() + CLIP_PX
+        && inside.top() <= bounds.top() + CLIP_PX
+        && inside.right() >= bounds.right() - CLIP_PX
+        && inside.bottom() >= bounds.bottom() - CLIP_PX;
+    match gap_px(bounds, inside) > 0.0 {
+        true => Clip::Nothing,
+        false if is_within && clip.clip_path().is_none() && is_rectangle(clip) => Clip::Whole,
+        false => Clip::Part,
+    }
+}
+
+/// True for one path of four corners on the corners of its box.
+fn is_rectangle(clip: &usvg::ClipPath) -> bool {
+    let [Node::Path(path)] = clip.root().children() else {
+        return false;
+    };
+    let bounds = path.data().bounds();
+    let is_corner = |p: usvg::tiny_skia_path::Point| {
+        (p.x == bounds.left() || p.x == bounds.right())
+            && (p.y == bounds.top() || p.y == bounds.bottom())
+    };
+    let is_side = |segment| match segment {
+        PathSegment::MoveTo(p) | PathSegment::LineTo(p) => is_corner(p),
+        PathSegment::Close => true,
+        _ => false,
+    };
+    let t = path.abs_transform();
+    (t.kx, t.ky) == (0.0, 0.0) && path.data().len() <= 6 && path.data().segments().all(is_side)
+}
+
+/// Distance of two boxes along the axis on which they are farther apart, px.
+fn gap_px(a: Rect, b: Rect) -> f32 {
+    let across = (a.left() - b.right()).max(b.left() - a.right());
+    across.max((a.top() - b.bottom()).max(b.top() - a.bottom()))
+}
+
+/// Opacity where a paint covers most.
+fn opacity_max(paint: &Paint) -> f32 {
+    let stops = match paint {
+        Paint::LinearGradient(gradient) => gradient.stops(),
+        Paint::RadialGradient(gradient) => gradient.stops(),
+        Paint::Color(_) | Paint::Pattern(_) => return 1.0,
+    };
+    let opacities = stops.iter().map(|stop| stop.opacity().get());
+    opacities.fold(0.0, f32::max)
+}
+
+/// Number of shapes that `display` takes out of the tree: those that it has more where all are displayed.
+fn not_displayed(xml: &roxmltree::Document, tree: &usvg::Tree) -> usize {
+    fn paths(group: &Group) -> usize {
+        let of = |node: &Node| match node {
+            Node::Group(inner) => paths(inner),
+            Node::Path(_) => 1,
+            Node::Image(_) | Node::Text(_) => 0,
+        };
+        group.children().iter().map(of).sum()
+    }
+    if !xml.input_text().contains("display") {
+        return 0;
+    }
+    let options = usvg::Options {
+        style_sheet: Some("* { display: inline !important }".to_string()),
+        ..usvg::Options::default()
+    };
+    let all = usvg::Tree::from_xmltree(xml, &options).map_or(0, |all| paths(all.root()));
+    all.saturating_sub(paths(tree.root()))
 }
 
 /// Pixels in a user unit of the page, across and up, by its viewBox.
@@ -288,11 +418,19 @@ fn size_note(
     )
 }
 
-/// Elements that draw something which is not read, and how many of each.
+/// Elements that draw something which is not read, and how many of each. Those in a library of parts
+/// (`defs`), or in a group that its own attributes hide, draw nothing.
 fn unsupported_elements(xml: &roxmltree::Document) -> Vec<String> {
+    let is_hidden = |node: roxmltree::Node| {
+        let style = node.attribute("style").unwrap_or_default().replace(' ', "");
+        node.tag_name().name() == "defs"
+            || node.attribute("display") == Some("none")
+            || style.contains("display:none")
+    };
     let count = |name: &str| {
         xml.descendants()
             .filter(|node| node.is_element() && node.tag_name().name() == name)
+            .filter(|node| !node.ancestors().any(is_hidden))
             .count()
     };
     [

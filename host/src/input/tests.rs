@@ -431,3 +431,84 @@ fn repair_takes_holes_from_the_exterior_and_merges_parts() {
     assert_eq!(loaded.target.regions.len(), 1);
     assert!((area(&loaded) - 175.0).abs() < 1e-3, "{}", area(&loaded));
 }
+
+/// Goal: what a page does not show is no part of it, and is counted; a clip is told only where it cuts.
+/// Method: a rectangle of 200 mm² beside shapes that browsers do not show, each in one of the ways.
+#[test]
+fn svg_shapes_that_are_not_shown_are_left_out_and_counted() {
+    let page = |inner: &str| {
+        format!(
+            r#"<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"
+            width="60mm" height="40mm" viewBox="0 0 60 40">{inner}<rect x="10" y="25" width="20" height="10"/></svg>"#
+        )
+    };
+    let side = r#"x="40" width="20" height="20""#;
+    let clear_stops = r#"<linearGradient id="g"><stop offset="0" stop-opacity="0"/>
+        <stop offset="1" stop-opacity="0"/></linearGradient>"#;
+    for (hidden, what) in [
+        (format!(r#"<rect {side} style="fill:transparent"/>"#), "1 shapes"),
+        (format!(r##"<rect {side} fill="#00000000"/>"##), "1 shapes"),
+        (format!(r#"<rect {side} style="fill:rgba(9,9,9,0)"/>"#), "1 shapes"),
+        (format!(r#"<g fill-opacity="0%"><rect {side}/></g>"#), "1 shapes"),
+        (format!(r#"<g opacity="0"><g opacity="1"><rect {side}/><circle r="5"/></g></g>"#), "2 shapes"),
+        (format!("<style>.h{{display:none}}</style><rect class='h' {side}/>"), "1 shapes"),
+        (format!("<style>.h{{visibility:hidden}}</style><g class='h'><rect {side}/></g>"), "1 shapes"),
+        (format!("<style>.h{{opacity:0}}</style><g class='h'><rect {side}/></g>"), "1 shapes"),
+        (r##"<defs><rect id="r" width="20" height="20"/></defs><use xlink:href="#r" opacity="0"/>"##.into(), "1 shapes"),
+        (r##"<symbol id="s"><rect width="9" height="9"/></symbol><use xlink:href="#s" visibility="hidden"/>"##.into(), "1 shapes"),
+        (format!("{clear_stops}<rect {side} fill='url(#g)'/>"), "1 shapes"),
+        (format!(r##"<rect {side} fill="none" stroke="#000" stroke-opacity="0"/>"##), "1 shapes"),
+        (format!(r##"<rect {side} fill-opacity="0" stroke="#000"/>"##), "1 shapes with a stroke"),
+        (format!(r##"<clipPath id="c"><rect width="9" height="9"/></clipPath><rect {side} clip-path="url(#c)"/>"##), "1 shapes"),
+        (r#"<rect width="60" height="40" fill-opacity="0.0"/>"#.into(), "1 shapes"),
+    ] {
+        let loaded = svg(&page(&hidden)).expect(&hidden);
+        // usvg counts in f32.
+        assert!((area(&loaded) - 200.0).abs() < 1e-3, "{hidden}: {}", area(&loaded));
+        let told = |word: &str| loaded.notes.iter().any(|note| note.contains(word));
+        assert!(told(what) && told("left out") && !told("clip"), "{hidden}: {:?}", loaded.notes);
+    }
+    let whole = svg(&page("")).expect("nothing hidden");
+    assert_eq!(whole.notes.len(), 1, "{:?}", whole.notes);
+    let all = svg(&page("").replace("<rect", "<rect opacity='0'"));
+    assert!(refusal(all).contains("1 shapes that are not shown"));
+}
+
+/// Goal: a clip path is told where it cuts, and nowhere else. Method: a symbol with its frame, whole and cut.
+#[test]
+fn svg_frames_of_symbols_are_told_where_they_cut() {
+    let page = |width: u8| {
+        format!(
+            r##"<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"
+            width="100mm" height="100mm" viewBox="0 0 100 100"><symbol id="s" viewBox="0 0 10 10">
+            <rect x="1" y="1" width="{width}" height="4"/></symbol>
+            <use xlink:href="#s" x="10" y="10" width="50" height="50"/></svg>"##
+        )
+    };
+    let told = |width| {
+        svg(&page(width))
+            .expect("a symbol")
+            .notes
+            .join("; ")
+            .contains("clip path")
+    };
+    assert!(!told(9) && told(10));
+}
+
+/// Goal: the remedy of an overlap gives what the page shows. Method: two shapes, in one colour and in two.
+#[test]
+fn svg_shapes_of_two_colours_are_not_to_be_merged() {
+    let page = |colour: &str| {
+        format!(
+            r#"<svg xmlns="http://www.w3.org/2000/svg" width="60mm" height="40mm" viewBox="0 0 60 40">
+            <rect width="60" height="40" fill="{colour}"/><rect x="10" y="10" width="20" height="10"/></svg>"#
+        )
+    };
+    assert!(refusal(svg(&page("black"))).contains("--repair"));
+    let message = refusal(svg(&page("white")));
+    assert!(
+        message.contains("(#ffffff)") && message.contains("background"),
+        "{message}"
+    );
+    assert!(!message.contains("--repair"), "{message}");
+}

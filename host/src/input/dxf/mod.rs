@@ -57,7 +57,12 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
     let rule = Rule::EvenOdd;
     Ok(Drawing {
         name: None,
-        shapes: vec![Shape { what, rings, rule }],
+        shapes: vec![Shape {
+            what,
+            rings,
+            rule,
+            colour: None,
+        }],
         notes,
     })
 }
