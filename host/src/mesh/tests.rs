@@ -406,6 +406,109 @@ fn readable_files_are_read() {
     }
 }
 
+/// Goal: faces are read as the format permits them; other elements are left out with a note. Method: a prism over
+/// an L, its end faces concave, of 384 mm³, written in each manner.
+#[test]
+fn obj_faces_are_read_in_every_manner() {
+    let corners = "v 20 0 0\nv 20 4 0\nv 4 4 0\nv 4 16 0\nv 0 16 0\nv 0 0 0\nv 20 0 3\nv 20 4 3\nv 4 4 3\n\
+                   v 4 16 3\nv 0 16 3\nv 0 0 3\n";
+    let sides = "f 1 2 8 7\nf 2 3 9 8\nf 3 4 10 9\nf 4 5 11 10\nf 5 6 12 11\nf 6 1 7 12\n";
+    let ends = "f 6 5 4 3 2 1\nf 7 8 9 10 11 12\n";
+    let whole = format!("{corners}{ends}{sides}");
+    let with = |find: &str, by: &str| {
+        assert!(whole.contains(find), "{find}");
+        whole.replace(find, by)
+    };
+    let continued = "f 7 \\\n 8 \\\n 9 \\\n 10 \\\n 11 \\\n 12\n";
+    let bridged = "f 7 8 9 10 11 12\nv 9 9 9\nl 1 2 13\nl 3 4\np 1\nf 1 2\n";
+    for (what, text, note) in [
+        ("as it is", whole.clone(), ""),
+        ("continued", with("f 7 8 9 10 11 12\n", continued), ""),
+        (
+            "continued CR LF",
+            with("f 7 8 9 10 11 12\n", continued).replace('\n', "\r\n"),
+            "",
+        ),
+        (
+            "continued CR",
+            with("f 7 8 9 10 11 12\n", continued).replace('\n', "\r"),
+            "",
+        ),
+        ("a vertex continued", with("v 4 4 0", "v 4 \\\n4 0"), ""),
+        (
+            "lines and points",
+            with("f 7 8 9 10 11 12\n", bridged),
+            "1 faces of two corners, 2 lines, 1 points",
+        ),
+        (
+            "negative",
+            with("f 7 8 9 10 11 12", "f -6 -5 -4 -3 -2 -1"),
+            "",
+        ),
+        (
+            "normals",
+            with(
+                "f 7 8 9 10 11 12",
+                "vn 0 0 1\nf 7//1 8//1 9//1 10//1 11//1 12//1",
+            ),
+            "",
+        ),
+        (
+            "textures",
+            with("f 1 2 8 7", "vt 0 0\nf 1/1 2/1 8/1 7/1"),
+            "",
+        ),
+        (
+            "an old word",
+            with("f 1 2 8 7", "fo 1/1/1 2/1/1 8/1/1 7/1/1"),
+            "",
+        ),
+        (
+            "from another corner",
+            with("f 7 8 9 10 11 12", "f 8 9 10 11 12 7"),
+            "",
+        ),
+        (
+            "weights, colours",
+            with("v 4 4 0", "v 4 4 0 1 0.5 0.5 0.5"),
+            "",
+        ),
+        ("faces first", format!("{ends}{sides}{corners}"), ""),
+        (
+            "a comment behind",
+            with("f 1 2 8 7", "f 1 2 8 7 # side"),
+            "",
+        ),
+        ("a mark", format!("\u{feff}{whole}"), ""),
+    ] {
+        let loaded = read(
+            text.as_bytes(),
+            "part",
+            MeshFormat::Obj,
+            &MeshOptions::default(),
+        );
+        let loaded = loaded.unwrap_or_else(|error| panic!("{what}: {error}"));
+        // Whole numbers: only rounding is left.
+        assert!((loaded.mesh.volume_mm3() - 384.0).abs() < 1e-9, "{what}");
+        assert_eq!(
+            loaded.notes.join("; ").contains("left out"),
+            !note.is_empty(),
+            "{what}"
+        );
+        assert!(
+            loaded.notes.join("; ").contains(note),
+            "{what}: {:?}",
+            loaded.notes
+        );
+        let area_mm2 = (0..loaded.mesh.triangles.len()).map(|triangle| {
+            let [a, b, c] = loaded.mesh.corners(triangle);
+            (b - a).cross(&(c - a)).norm() / 2.0
+        });
+        // Triangles that overlap within a face have more area than the prism: 2 x 128 mm², 72 mm x 3 mm.
+        assert!((area_mm2.sum::<f64>() - 472.0).abs() < 1e-9, "{what}");
+    }
+}
+
 /// Goal: a part in inches or metres is known by its size, and nothing is changed of it. Method: boxes in
 /// these units, with and without the option that the note gives; a small part in mm.
 #[test]
@@ -583,13 +686,13 @@ fn broken_files_are_refused() {
             "an OBJ vertex of two",
             Obj,
             obj.replacen("v 0 0 0", "v 0 0", 1).into_bytes(),
-            "line 1",
+            "line 1: a vertex",
         ),
         (
             "an OBJ face out of bounds",
             Obj,
             (obj.clone() + "f 1 2 99\n").into_bytes(),
-            "out of bounds",
+            "line 21: vertex 99 of 8 is out of bounds",
         ),
         (
             "an OBJ NaN",

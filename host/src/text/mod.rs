@@ -1,4 +1,6 @@
-//! Texts for people: numbers without needless digits, known names close to a misspelt one.
+//! Texts for people: numbers without needless digits, known names close to a misspelt one; and texts of people's
+//! files, however they were saved.
 
 pub mod near_name;
+pub mod plain;
 pub mod short_number;
