@@ -85,6 +85,11 @@ impl HeatOwner {
         }
     }
 
+    /// Heaters are no longer this host's.
+    pub fn hand_over_heaters(&mut self) {
+        self.targets_decidegrees = [0; HEATERS_MAX];
+    }
+
     /// The last commanded target, tenths of a degree; 0 if there is none.
     pub fn target_decidegrees(&self, heater: usize) -> u16 {
         self.targets_decidegrees.get(heater).copied().unwrap_or(0)

@@ -181,7 +181,7 @@ pub fn material_events(material: &Material, marks: &[Mark]) -> Vec<HeatEvent> {
     sorted(events)
 }
 
-/// The commands of a file, completed by those of the material.
+/// The commands of a file, completed by those of the material; at the end all heaters are off.
 pub fn job_events(
     of_file: &[HeatEvent],
     material: Option<&Material>,
@@ -195,7 +195,37 @@ pub fn job_events(
             .any(|said| said.order.is_of_same(&event.order))
     };
     events.extend(of_material.into_iter().filter(is_silent));
-    sorted(events)
+    let end_tick = marks.last().map_or(0, |mark| mark.end_tick);
+    ended(&sorted(events), end_tick, false)
+}
+
+/// The heaters that commands leave on, as they were commanded last.
+pub fn left_on(events: &[HeatEvent]) -> Vec<HeatOrder> {
+    let last_of = |heater| {
+        let of_heater = |order: &HeatOrder| order.channel() == Some(heater);
+        events.iter().rev().map(|event| event.order).find(of_heater)
+    };
+    let last = (0..HEATERS_MAX as u8).filter_map(last_of);
+    last.filter(HeatOrder::is_on).collect()
+}
+
+/// Commands by tick, after which every heater is off: those that they leave on go off at the job's end. With
+/// `leave_hot` heaters stay as they are when the end is reached, and only the fan goes off there.
+pub fn ended(events: &[HeatEvent], end_tick: u64, leave_hot: bool) -> Vec<HeatEvent> {
+    let is_end = |event: &HeatEvent| {
+        event.tick >= end_tick && event.order.channel().is_some() && !event.order.is_on()
+    };
+    let kept = events.iter().filter(|event| !(leave_hot && is_end(event)));
+    let mut kept: Vec<HeatEvent> = kept.copied().collect();
+    if !leave_hot {
+        let tick = kept.last().map_or(end_tick, |last| last.tick.max(end_tick));
+        let off = left_on(&kept)
+            .into_iter()
+            .filter_map(|order| order.channel());
+        let off = off.map(|heater| HeatOrder::target(heater, 0.0));
+        kept.extend(off.map(|order| HeatEvent { tick, order }));
+    }
+    kept
 }
 
 /// By their ticks, those of a tick as they came.
@@ -299,6 +329,38 @@ mod tests {
         let ticks: Vec<u64> = events.iter().map(|event| event.tick).collect();
         assert_eq!(ticks, [0, 150, 200]);
         assert_eq!(events[1], fan);
+    }
+
+    /// Goal: whatever switched heaters on, a job's end switches them off, each once and none that is off. Method: a
+    /// file that leaves the bed and a second hot end on and switches the first off before its end; left hot, the
+    /// material's own end too.
+    #[test]
+    fn heaters_that_are_left_on_go_off_at_the_end() {
+        let event = |tick, order| HeatEvent { tick, order };
+        let file = [
+            event(0, HeatOrder::wait_for(BED, 60.0)),
+            event(0, HeatOrder::wait_for(HOT_END, 215.0)),
+            event(120, HeatOrder::target(2, 180.0)),
+            event(190, HeatOrder::target(HOT_END, 0.0)),
+        ];
+        assert_eq!(left_on(&file), [file[0].order, file[2].order]);
+        let job = job_events(&file, None, &marks(0..2));
+        let off = [BED, 2].map(|heater| event(200, HeatOrder::target(heater, 0.0)));
+        assert_eq!(job, [&file[..], &off[..]].concat());
+        assert_eq!(ended(&job, 200, false), job);
+        assert_eq!(ended(&job, 200, true), file);
+        assert_eq!(left_on(&job), []);
+        let material = Material {
+            hot_end_c: 205.0,
+            fan_pct: 80.0,
+            ..Material::default()
+        };
+        let hot = ended(&material_events(&material, &marks(0..2)), 200, true);
+        assert_eq!(left_on(&hot), [HeatOrder::wait_for(HOT_END, 205.0)]);
+        assert_eq!(
+            hot.last(),
+            Some(&event(200, HeatOrder::Fan { fan_pct: 0.0 }))
+        );
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The options of `stream` and `board`, with their help.
 
+use crate::cli::args::export::EndHeatArgs;
 use crate::settings::heat::PAUSE_HEAT_MAX_MIN_MOST;
 use clap::{Args, Subcommand};
 use headway_protocol::message::REPORT_PERIOD_RANGE_MS;
@@ -23,7 +24,7 @@ pub(crate) struct PortArgs {
 While it runs, lines on stdin are commands: pause, resume, override PCT, flow PCT, fan PCT, heat HEATER C, abort,
 stop. Ctrl-C pauses on the path, a second one aborts on the path, a third one leaves the board alone; while it
 heats and goes to where the job begins, the first one ends it. SIGTERM and a terminal that closes end it. Whatever
-ends it, the heaters that it switched on go off.
+ends it, all heaters go off.
 
 Examples:
   headway stream part.hwj --port /dev/ttyACM0
@@ -54,6 +55,8 @@ pub(crate) struct StreamArgs {
     /// below extrude_min_c in this print: for a print without material.
     #[arg(long, help_heading = "Temperatures", conflicts_with_all = ["hot_end", "bed", "fan"])]
     pub no_heat: bool,
+    #[command(flatten)]
+    pub end_heat: EndHeatArgs,
     /// Print over the bed of this mesh (headway board mesh), blended out above it.
     #[arg(long, value_name = "BED.toml")]
     pub mesh: Option<PathBuf>,

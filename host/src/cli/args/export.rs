@@ -50,6 +50,15 @@ pub(crate) struct ExportArgs {
     pub gcode: GcodeArgs,
 }
 
+/// What heaters do at a job's end.
+#[derive(Debug, Args)]
+pub(crate) struct EndHeatArgs {
+    /// Leave heaters on at the job's end as they are then; otherwise all go off. A board switches them off
+    /// after 30 s without a next command.
+    #[arg(long, help_heading = "Temperatures")]
+    pub leave_hot: bool,
+}
+
 /// What G-code is written like.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "G-code")]
@@ -101,6 +110,8 @@ pub(crate) struct GcodeArgs {
     /// End block.
     #[arg(long, value_name = "FILE")]
     pub end: Option<PathBuf>,
+    #[command(flatten)]
+    pub end_heat: EndHeatArgs,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -135,6 +135,11 @@ impl<'a> Operator<'a> {
         self.owner.take();
     }
 
+    /// Heaters stay on in the same way; what else was switched on goes off.
+    pub(crate) fn hand_over_heaters(&self) {
+        self.owner.borrow_mut().hand_over_heaters();
+    }
+
     /// Switches off all that is owned, in a conversation of its own; nothing, where that is nothing.
     pub(crate) fn switch_off(&self) -> Result<(), CliError> {
         let all_off = self.owner.take().all_off();

@@ -138,6 +138,7 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
         )?,
         arcs: of.arcs.map(|arcs| arcs == ArcsName::On),
         blocks: [block(of.start.as_deref())?, block(of.end.as_deref())?],
+        leave_hot: of.end_heat.leave_hot,
     })
 }
 

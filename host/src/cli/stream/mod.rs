@@ -56,6 +56,10 @@ pub(crate) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         .transpose()?;
     let operator = Operator::of_stream(&args.port, console, live);
     let printed = print(args, job, heat, resumed.as_ref(), &operator);
+    let is_done = printed.as_ref().is_ok_and(|printed| printed.result.is_ok());
+    if is_done && args.end_heat.leave_hot {
+        operator.hand_over_heaters();
+    }
     // The line may be lost: then the board switches off by itself.
     let off = operator.switch_off();
     let Printed {
@@ -133,6 +137,9 @@ fn print(
         heat,
     };
     let result = run.until_end();
+    if result.is_ok() && !args.no_heat {
+        run.own_heaters();
+    }
     run.bar.finish_and_clear();
     let mut figures = run.figures(&result);
     if let Some(rest) = resumed {
@@ -393,6 +400,21 @@ impl Run<'_> {
         self.operator.note(&control);
         self.pause_heat.note(self.pump.now_us(), &control);
         self.sender.command(control);
+    }
+
+    /// What is still hot at a print's end, whoever switched it on, goes off with it.
+    fn own_heaters(&self) {
+        let heaters = self
+            .status
+            .iter()
+            .flat_map(|status| (0..).zip(&status.heaters));
+        for (heater, of) in heaters {
+            self.operator.note(&Control::Heat {
+                heater,
+                decidegrees: of.target_decidegrees,
+                wait: false,
+            });
+        }
     }
 
     /// A pause that keeps heating is reported, and does not heat for ever.

@@ -87,6 +87,8 @@ impl<W: Write> Writer<'_, W> {
         first: &[f64; CHANNELS],
     ) -> Result<Written, WriteError> {
         let options = self.options;
+        let off = heat::last_lines(job.heat, options);
+        self.out.write_all(off.as_bytes())?;
         self.turn_back()?;
         let end = options.blocks[1]
             .as_deref()

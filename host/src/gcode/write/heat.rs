@@ -65,6 +65,21 @@ impl<W: Write> Writer<'_, W> {
     }
 }
 
+/// What a start block of the user's own may have switched on and the job does not switch off. Macros may heat
+/// without a word of it; a machine tool without outputs refuses theirs.
+pub(super) fn last_lines(heat: &[HeatEvent], options: &WriteOptions) -> String {
+    let may_heat = options.blocks[0].as_deref().is_some_and(|block| {
+        let outputs = ["M67", "M68", "{hot_end_c}", "{bed_c}"];
+        !options.dialect.is_machine_tool() || outputs.iter().any(|word| block.contains(word))
+    });
+    let off = [HOT_END, BED].map(|heater| HeatOrder::target(heater, 0.0));
+    let is_told = |off: &&HeatOrder| !heat.iter().any(|event| event.order == **off);
+    let off = off.iter().filter(is_told);
+    let off = off.filter(|_| may_heat && !options.leave_hot);
+    off.map(|order| lines(order, options.dialect, true))
+        .collect()
+}
+
 /// The orders that stand before the job's first move; without heaters where the start block has them.
 pub(super) fn first_lines(heat: &[HeatEvent], options: &WriteOptions) -> String {
     let block = options.blocks[0].as_deref().unwrap_or_default();

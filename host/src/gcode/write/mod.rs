@@ -6,7 +6,7 @@
 //! ```
 //! In: a job's stream in machine coordinates, options. Out: text of the [`Dialect`], and [`Written`]: how many
 //! moves it has, and how many a second at most. Orders of heaters and fans stand where the job has them, a move
-//! ending there. X Y Z are the tip; a tilt is A B with the head at R_x(A) R_y(B) R_z(C), C the heading, degrees.
+//! ending there; behind the last all heaters are off. X Y Z are the tip; a tilt is A B with the head at R_x(A) R_y(B) R_z(C), C the heading, degrees.
 //! Time is the stream's: each move lasts as long as its ticks. Leaves out pressure advance (the controller's
 //! own), and axes of machines that do not know the tip.
 
@@ -22,7 +22,7 @@ mod poses;
 mod pushes;
 pub mod template;
 
-use crate::job::heat::HeatEvent;
+use crate::job::heat::{HeatEvent, ended};
 use crate::job::{MotionState, SegmentStream};
 use controller_time::{ControllerTime, SlowedBy};
 use dialect::{ArcsWritten, Dialect, Retraction};
@@ -43,7 +43,7 @@ const STILL_MM: f64 = 5e-5;
 const STILL_DEG: f64 = 5e-4;
 
 /// What is written.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JobText<'a> {
     /// The job's name.
     pub name: &'a str,
@@ -81,6 +81,8 @@ pub struct WriteOptions {
     pub arcs: Option<bool>,
     /// Start and end block; `None` are the dialect's.
     pub blocks: [Option<String>; 2],
+    /// Heaters stay on at the end.
+    pub leave_hot: bool,
 }
 
 impl WriteOptions {
@@ -97,6 +99,7 @@ impl WriteOptions {
             limits: AxisLimits::BUILT_IN,
             arcs: None,
             blocks: [None, None],
+            leave_hot: false,
         }
     }
 }
@@ -247,6 +250,11 @@ pub fn write_gcode(
         let letter = char::from(writer.extruder());
         return Err(WriteError::Letter { letter });
     }
+    let heat = ended(job.heat, ticks, options.leave_hot);
+    let job = &JobText {
+        heat: &heat,
+        ..*job
+    };
     writer.begin(job, &first)?;
     writer.marks(job, &mut poses)?;
     writer.end(job, &first)

@@ -7,6 +7,7 @@ use super::objections::Objection;
 use super::settings_warnings::settings_warnings;
 use super::wide_beads::{Laid, LateLayers};
 use crate::gcode::GcodeProgram;
+use crate::job::heat::{HeatOrder, left_on};
 use crate::pipeline::gcode::GcodePlan;
 use crate::report::figures::Figures;
 use crate::settings::Settings;
@@ -108,6 +109,13 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
         ));
     }
     warnings.extend(head_unknown(planned));
+    let left: Vec<String> = left_on(&planned.heat).iter().map(HeatOrder::text).collect();
+    if !left.is_empty() {
+        warnings.push(format!(
+            "the file's end leaves on: {}; the job switches it off there (--leave-hot of stream and export keeps it)",
+            left.join(", ")
+        ));
+    }
     let flow = planned.settings.flow_factor;
     if let Some(volume_mm3) = program.volume_mm3().map(|mm3| mm3 * flow) {
         let beside_pct = 100.0 * (f.volume_mm3 / volume_mm3.max(1e-9) - 1.0);

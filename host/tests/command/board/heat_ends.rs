@@ -261,3 +261,42 @@ fn a_pause_that_keeps_heat_says_so_and_ends() {
     assert_ordered_off(&board, "the end");
     board.end();
 }
+
+/// Goal: a stream's end leaves nothing hot, whoever switched it on, unless it is asked to. Method: a bed that was
+/// heated by hand before the print; the board's own rule is 15 s away.
+#[test]
+fn a_finished_stream_leaves_nothing_hot_unless_asked() {
+    let folder = folder("end");
+    let job = job(&folder);
+    for leave_hot in [false, true] {
+        let board = board(&folder);
+        let by_hand = [
+            "board",
+            "heat",
+            "bed",
+            "40",
+            "--no-wait",
+            "--port",
+            &board.port,
+        ];
+        assert!(headway(&by_hand).status.success());
+        let stream = [
+            "stream",
+            &job,
+            "--port",
+            &board.port,
+            "--hot-end",
+            "30",
+            "--json",
+        ];
+        let hot = leave_hot.then_some("--leave-hot");
+        let streamed = headway(&stream.into_iter().chain(hot).collect::<Vec<_>>());
+        assert_eq!(object(&streamed)["done"], true);
+        let status = status(&board);
+        let fault = status["fault"].as_str().unwrap_or_default();
+        assert_eq!(fault, "", "{status:?}");
+        let expected = if leave_hot { [30.0, 40.0] } else { [0.0; 2] };
+        assert_eq!(targets(&status)[..2], expected, "{status:?}");
+        board.end();
+    }
+}

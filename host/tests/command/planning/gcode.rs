@@ -51,9 +51,12 @@ fn a_sliced_file_becomes_a_job() {
     assert!(told.contains("at 0.000 s: hot end 215 °C\n"), "{told}");
     let of_job = object(&headway(&["inspect", path(&job), "--json"]));
     let heat = of_job["heat"].as_array().expect("orders");
-    assert_eq!(heat.len(), 2);
+    assert_eq!(heat.len(), 3);
     assert_eq!(heat[1]["order"]["fan_pct"], 0.0);
     assert_eq!(heat[1]["t_s"], of_job["duration_s"]);
+    // The file leaves the hot end on: the job does not.
+    assert_eq!(heat[2]["order"]["celsius"], 0.0);
+    assert!(stderr(&ran).contains("leaves on: hot end 215 °C"));
     // What goes with outlines or meshes is no option of a path.
     for option in [["--walls", "2"], ["--layer-range", "1-1"], ["--turn", "5"]] {
         let refused = headway(&["plan", path(&input), "-o", path(&job), option[0], option[1]]);
@@ -320,4 +323,77 @@ fn a_tower_too_near_to_one_that_stands_is_refused() {
         .unwrap()
         + 1;
     assert!(said.contains(&format!("line {line}: ")), "{line}: {said}");
+}
+
+/// Lines of a dialect that switch a heater off: hot end, bed.
+fn off_lines(dialect: &str) -> [&'static str; 2] {
+    match dialect {
+        "linuxcnc" | "grblhal" => ["M68 E0 Q0\n", "M68 E1 Q0\n"],
+        _ => ["M104 S0\n", "M140 S0\n"],
+    }
+}
+
+/// Goal: every text ends with its heaters off, unless asked. Method: a file whose end leaves bed and hot end on, a part
+/// with a material, a cold job behind a start block of the user's own that heats; each dialect, with and without
+/// `--leave-hot`: the last order of each heater in the text.
+#[test]
+fn every_text_ends_with_all_heaters_off() {
+    let folder = folder("heat_end");
+    let sliced = folder.join("square.gcode");
+    std::fs::write(
+        &sliced,
+        square().replace("M104 S215", "M190 S60\nM109 S215"),
+    )
+    .expect("written");
+    let part = folder.join("line.wpt");
+    std::fs::write(&part, "0 0 0.2 0 0 1\n20 0 0.2 0 0 1\n").expect("written");
+    let machine = folder.join("machine.toml");
+    let made = headway(&["machine", "new", "--kind", "planar", "-o", path(&machine)]);
+    succeeded(&made);
+    let text = std::fs::read_to_string(&machine).expect("a machine");
+    let warm = "\n[material]\nhot_end_c = 215\nbed_c = 60\n";
+    std::fs::write(&machine, text.clone() + warm).expect("written");
+    let cold = folder.join("cold.toml");
+    std::fs::write(&cold, text + "\n[material]\nhot_end_c = 0\n").expect("written");
+    let start = folder.join("start.gcode");
+    std::fs::write(&start, "PRINT_START BED=60 EXTRUDER=215\nM83\n").expect("written");
+    let outputs = folder.join("start.ngc");
+    std::fs::write(&outputs, "G21 G90 G93\nM68 E1 Q60\n").expect("written");
+    let job = folder.join("part.hwj");
+    for (input, machine, blocks) in [
+        (&sliced, None, false),
+        (&part, Some(&machine), false),
+        (&part, Some(&cold), true),
+    ] {
+        let mut plan = vec!["plan", path(input), "-o", path(&job)];
+        plan.extend(machine.iter().flat_map(|machine| ["-m", path(machine)]));
+        let planned = headway(&plan);
+        succeeded(&planned);
+        let note = "the file's end leaves on: hot end 215 °C, waits, bed 60 °C, waits";
+        assert_eq!(stderr(&planned).contains(note), machine.is_none());
+        for dialect in ["klipper", "reprapfirmware", "marlin", "linuxcnc", "grblhal"] {
+            for leave_hot in [false, true] {
+                let mut export = vec!["export", path(&job), "--to", "gcode", "--dialect", dialect];
+                export.extend(leave_hot.then_some("--leave-hot"));
+                let block = match dialect {
+                    "linuxcnc" | "grblhal" => path(&outputs),
+                    _ => path(&start),
+                };
+                export.extend(blocks.then_some(["--start", block]).into_iter().flatten());
+                let text = succeeded(&headway(&export));
+                for off in off_lines(dialect) {
+                    let what = format!("{} {dialect} {leave_hot} {off}:\n{text}", path(input));
+                    assert_eq!(text.matches(off).count(), usize::from(!leave_hot), "{what}");
+                    // A target is all but its number.
+                    let target = off.trim_end_matches("0\n");
+                    let wait = target.replace("M104", "M109").replace("M140", "M190");
+                    let on = text
+                        .rfind(&format!("{wait}2"))
+                        .max(text.rfind(&format!("{wait}6")));
+                    assert!(blocks || on.is_some(), "{what}");
+                    assert!(leave_hot || text.rfind(off) > on, "{what}");
+                }
+            }
+        }
+    }
 }
