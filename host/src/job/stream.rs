@@ -3,7 +3,7 @@
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::path::spline::Spans;
 use headway_protocol::segment::{FlowEvent, Knot, SPAN_TICKS_MAX};
-use headway_protocol::units::{ChannelPoint, Units};
+use headway_protocol::units::{CHANNELS, ChannelPoint, Units};
 use serde::{Deserialize, Serialize};
 
 /// Spans at rest before the first move: the wire fixes the durations of spans 0 and 1.
@@ -155,6 +155,25 @@ impl SegmentStream {
     /// Where it ends, at rest, in its units.
     pub fn end(&self) -> ChannelPoint {
         self.knots.last().map_or(self.start, |knot| knot.control)
+    }
+
+    /// Control points from the start on, in its units: those of the wire wrap at 32 bits, these do not.
+    pub fn unwrapped(&self) -> impl Iterator<Item = [i64; CHANNELS]> {
+        let mut at = (self.start, self.start.map(i64::from));
+        let knots = self.knots.iter().map(move |knot| {
+            for (channel, value) in at.1.iter_mut().enumerate() {
+                *value += i64::from(knot.control[channel].wrapping_sub(at.0[channel]));
+            }
+            at.0 = knot.control;
+            at.1
+        });
+        std::iter::once(self.start.map(i64::from)).chain(knots)
+    }
+
+    /// From its start to its end, in its units.
+    pub fn displacement(&self) -> [i64; CHANNELS] {
+        let end = self.unwrapped().last().unwrap_or_default();
+        std::array::from_fn(|channel| end[channel] - i64::from(self.start[channel]))
     }
 
     /// The same motion from another start, in its units.

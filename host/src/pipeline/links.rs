@@ -19,12 +19,13 @@ use crate::plan::progress::Progress;
 use crate::plan::route::build_route::build_link;
 use crate::plan::route::travel::TravelWays;
 use crate::settings::Settings;
-use headway_protocol::units::ChannelPoint;
+use headway_protocol::units::CHANNELS;
 
 /// Where the blocks so far end.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Chain {
-    end: Option<ChannelPoint>,
+    /// Not wrapped at 32 bits: a heading that wound is that of the nozzle still.
+    end: Option<[i64; CHANNELS]>,
 }
 
 impl Chain {
@@ -42,26 +43,33 @@ impl Chain {
         if piece.stream.knots.is_empty() {
             return Ok(None);
         }
-        let link = match stack.start {
-            Some(_) => None,
+        let (mut end, link) = match stack.start {
+            Some(_) => (piece.stream.start.map(i64::from), None),
             None => {
                 let begin = || piece.stream.units.of_natural(&start_pose(settings));
-                let end = self.end.unwrap_or_else(begin);
-                Some(travel(end, &piece.stream, stack, settings, progress)?)
+                let end = self.end.unwrap_or_else(|| begin().map(i64::from));
+                (
+                    end,
+                    Some(travel(end, &piece.stream, stack, settings, progress)?),
+                )
             }
         };
         if let Some(link) = &link {
             let begun = std::mem::take(&mut piece.stream);
             piece.stream = begun.shifted_to(link.stream.end());
         }
-        self.end = Some(piece.stream.end());
+        let streams = link.iter().map(|link| &link.stream).chain([&piece.stream]);
+        for by in streams.map(SegmentStream::displacement) {
+            end = std::array::from_fn(|channel| end[channel] + by[channel]);
+        }
+        self.end = Some(end);
         Ok(link)
     }
 }
 
 /// The travel from `end` to the start of a block's stream.
 fn travel(
-    end: ChannelPoint,
+    end: [i64; CHANNELS],
     next: &SegmentStream,
     stack: &Stack,
     settings: &Settings,
@@ -71,7 +79,8 @@ fn travel(
     let ground = stack.on_machine(stack.outline_of(layer));
     let keep_out = stack.on_machine(stack.keep_out);
     let mut ways = TravelWays::new(&keep_out, &ground, settings)?;
-    let from = next.units.to_natural(&end);
+    let units = &next.units;
+    let from = std::array::from_fn(|channel| end[channel] as f64 / units.per_natural(channel));
     let to = next.units.to_natural(&next.start);
     let route = build_link(from, to, layer, &mut ways, settings);
     let route = route.map_err(|error| error.shifted(-stack.shift()))?;

@@ -21,8 +21,8 @@ const LENGTH_MAX_MM: f64 = 100_000.0;
 
 /// Longest name of a machine, characters: it is in every job and message.
 pub(super) const NAME_CHARS_MAX: usize = 200;
-/// Farthest end of a joint that is an end, mm or rad; what is beyond is a number in another unit.
-const POSITION_MAX: f64 = 1.0e6;
+/// Farthest end of a joint that is an end, mm or rad: 32 bits of the wire's tenths of a micrometre hold 214,748 mm.
+const POSITION_MAX: f64 = 2.0e5;
 /// Slowest and fastest of anything that moves, in its own unit and a second: from a tower's creep to
 /// what no machine has. Outside of it times and counts leave what numbers hold.
 const SPEED_RANGE: [f64; 2] = [1e-4, 1e6];

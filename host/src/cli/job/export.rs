@@ -184,11 +184,9 @@ fn json(job: &Job) -> serde_json::Value {
             })
         })
         .collect();
-    let knots: Vec<_> = job
-        .stream
-        .knots
-        .iter()
-        .map(|k| json!([k.duration_ticks, k.control]))
+    let controls = job.stream.unwrapped().skip(1);
+    let knots: Vec<_> = (job.stream.knots.iter().zip(controls))
+        .map(|(k, control)| json!([k.duration_ticks, control]))
         .collect();
     json!({
         "name": job.name,

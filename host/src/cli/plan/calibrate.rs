@@ -197,11 +197,7 @@ fn write(
 
 /// Volume deposited by a stream, without primes and retracts.
 fn volume_mm3(stream: &SegmentStream) -> f64 {
-    let end = stream
-        .knots
-        .last()
-        .map_or(stream.start, |knot| knot.control);
-    let units = end[CHANNEL_VOLUME].wrapping_sub(stream.start[CHANNEL_VOLUME]);
+    let units = stream.displacement()[CHANNEL_VOLUME];
     units as f64 / stream.units.per_natural(CHANNEL_VOLUME)
 }
 

@@ -13,8 +13,11 @@ use crate::job::heat::{HeatEvent, HeatOrder};
 use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream, dwell_spans};
 use headway_firmware::path::spline::Span;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, ChannelPoint};
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_X, CHANNEL_Z, CHANNELS, ChannelPoint, Units,
+};
 use std::collections::HashMap;
+use std::f64::consts::TAU;
 use thiserror::Error;
 
 /// Cells in which a pass is searched for places where it overlaps itself, mm: less than a bead's width.
@@ -185,8 +188,9 @@ pub fn rest_of(stream: &SegmentStream, heat: &[HeatEvent], pass: u32) -> Result<
         solution: stream.solution,
         units: stream.units,
     };
+    let stands = stream.unwrapped().nth(span).unwrap_or_default();
     Ok(Rest {
-        stream: rest,
+        stream: rest.shifted_to(placed(start, &stands, &stream.units)),
         heat: heat_from(heat, cut_tick, lead_ticks),
         pass,
         layer,
@@ -194,6 +198,20 @@ pub fn rest_of(stream: &SegmentStream, heat: &[HeatEvent], pass: u32) -> Result<
         lead_ticks,
         primed,
     })
+}
+
+/// Where a board is sent: its pose has 32 bits of base units, and a heading that wound beyond them stands as it does
+/// whole turns earlier.
+fn placed(start: ChannelPoint, unwrapped: &[i64; CHANNELS], units: &Units) -> ChannelPoint {
+    let channel = CHANNEL_HEADING;
+    let base_units = unwrapped[channel] << units.exponent(channel);
+    let mut placed = start;
+    if i32::try_from(base_units).is_err() {
+        let per_rad = units.per_natural(channel);
+        let within_rad = (unwrapped[channel] as f64 / per_rad).rem_euclid(TAU);
+        placed[channel] = (within_rad * per_rad).round() as i32;
+    }
+    placed
 }
 
 /// Durations of the spans that knots make.

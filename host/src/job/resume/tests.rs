@@ -7,7 +7,8 @@ use crate::drive::test_streams::{planar, spiral};
 use crate::job::heat::{BED, HOT_END, HeatOrder};
 use crate::job::{Mark, MotionState};
 use headway_protocol::segment::{FlowAction, Knot};
-use headway_protocol::units::{CHANNEL_Z, Units, to_units};
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_Z, Units, to_units};
+use std::f64::consts::TAU;
 
 /// Two turns of a spiral, up by 2 mm to another two turns; primes and passes as a planner marks them.
 fn job() -> SegmentStream {
@@ -278,4 +279,44 @@ fn the_way_to_a_job_of_coarse_units_is_in_base_units() {
         assert!((coarse.way.above[channel] - fine.way.above[channel]).abs() <= 8);
     }
     assert!((coarse.parts.to_come.length_mm - fine.parts.to_come.length_mm).abs() < 0.1);
+}
+
+/// Goal: a heading that wound beyond the wire's 32 bits is resumed as the nozzle stands. Method: the job with a nozzle
+/// that turns on with every knot that moves, by 8 rad either way; before, the rest was turned by 156.5°.
+#[test]
+fn a_heading_that_wound_beyond_32_bits_is_resumed_as_the_nozzle_stands() {
+    for turn_units in [8_000_000i32, -8_000_000] {
+        let mut wound = job();
+        let (mut before, mut heading) = (wound.start, 0i32);
+        for knot in &mut wound.knots {
+            if knot.control != before {
+                heading = heading.wrapping_add(turn_units);
+            }
+            before = knot.control;
+            knot.control[CHANNEL_HEADING] = heading;
+            knot.control[CHANNEL_VOLUME] = heading;
+        }
+        let again = resume(&wound, &[], 1, None, None, &planar()).unwrap();
+        let rest = &again.rest;
+        let [whole, left] = [at(&wound, rest.cut_tick), at(&rest.stream, rest.lead_ticks)];
+        let heading_rad = whole[CHANNEL_HEADING];
+        assert!(heading_rad.abs() > 2147.0, "not wound: {heading_rad}");
+        let turns = (heading_rad - left[CHANNEL_HEADING]) / TAU;
+        // A microradian of the wire.
+        assert!((turns - turns.round()).abs() < 1e-6 / TAU, "{turns}");
+        let sent_rad = f64::from(again.way.start[CHANNEL_HEADING]) * 1e-6;
+        assert!((sent_rad - left[CHANNEL_HEADING]).abs() < 1e-9);
+        // From there on the same turns and the same volume.
+        let span = wound.displacement();
+        assert!(span[CHANNEL_HEADING].abs() > 1 << 32, "{span:?}");
+        let end = ticks(&rest.stream) - 1;
+        let [by, of_rest] = [
+            at(&wound, end + rest.cut_tick - rest.lead_ticks),
+            at(&rest.stream, end),
+        ];
+        for channel in [CHANNEL_HEADING, CHANNEL_VOLUME] {
+            let turned = (by[channel] - whole[channel]) - (of_rest[channel] - left[channel]);
+            assert!(turned.abs() < 1e-6, "{channel}: {turned}");
+        }
+    }
 }
