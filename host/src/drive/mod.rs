@@ -4,6 +4,7 @@ mod board_lines;
 pub mod device_check;
 pub mod dry_run;
 pub mod heat_owner;
+pub mod host_clock;
 pub mod joint_track;
 pub mod limits;
 pub mod link;

@@ -1,8 +1,10 @@
 //! Moves bytes between a [`Sender`] and a port in real time, and reopens the port when the line is
 //! lost: the cable may be unplugged and plugged in again, the sender continues by itself.
 //!
-//! Call [`Pump::turn`] repeatedly; each call waits a few milliseconds at most.
+//! Call [`Pump::turn`] repeatedly; each call waits a few milliseconds at most. Waits are counted by its clock
+//! (`host_clock`), a log has the time that passed.
 
+use crate::drive::host_clock::{HostClock, RealClock};
 use crate::drive::link_log::{LinkLog, Way};
 use crate::drive::sender::Sender;
 use crate::drive::transport::{Port, Transport};
@@ -32,6 +34,8 @@ pub struct Pump {
     transport: Option<OpenLine>,
     next_try: Instant,
     begun: Instant,
+    clock: HostClock,
+    real: RealClock,
     log: Option<LinkLog>,
     opened: u64,
 }
@@ -67,13 +71,24 @@ impl Pump {
             transport,
             next_try: begun,
             begun,
+            clock: HostClock::default(),
+            real: RealClock::begin(begun, SystemTime::now()),
             log,
             opened: 1,
         })
     }
 
-    /// Time since the start.
+    /// Time since the start in which this host could hear.
     pub fn now_us(&self) -> u64 {
+        self.clock.at(self.logged_us())
+    }
+
+    /// Time since the start in which the host slept too.
+    pub fn real_us(&mut self) -> u64 {
+        self.real.at_us(Instant::now(), SystemTime::now())
+    }
+
+    fn logged_us(&self) -> u64 {
         self.begun.elapsed().as_micros() as u64
     }
 
@@ -89,6 +104,7 @@ impl Pump {
 
     /// Sends pending frames, receives bytes.
     pub fn turn(&mut self, sender: &mut Sender) -> Option<LineEvent> {
+        self.clock.round(self.logged_us());
         let opened = self.reopen();
         let result = self.exchange(sender);
         match result {
@@ -137,33 +153,35 @@ impl Pump {
         let Some(OpenLine(transport)) = &mut self.transport else {
             return Ok(());
         };
+        let (begun, clock) = (self.begun, &self.clock);
+        let read = || begun.elapsed().as_micros() as u64;
         let mut out = [0u8; FRAME_BYTES_MAX];
         for _ in 0..FRAMES_PER_TURN {
-            let now_us = self.begun.elapsed().as_micros() as u64;
-            let Some(length) = sender.poll_transmit(now_us, &mut out) else {
+            let at_us = read();
+            let Some(length) = sender.poll_transmit(clock.at(at_us), &mut out) else {
                 break;
             };
             if let Some(log) = &mut self.log {
-                log.bytes(now_us, Way::Down, &out[..length]);
+                log.bytes(at_us, Way::Down, &out[..length]);
             }
             transport.send(&out[..length])?;
         }
         let mut buffer = [0u8; 4096];
         let count = transport.receive(&mut buffer)?;
-        let now_us = self.begun.elapsed().as_micros() as u64;
+        let at_us = read();
         if count > 0 {
             if let Some(log) = &mut self.log {
-                log.bytes(now_us, Way::Up, &buffer[..count]);
+                log.bytes(at_us, Way::Up, &buffer[..count]);
             }
-            sender.handle_bytes(now_us, &buffer[..count]);
+            sender.handle_bytes(clock.at(at_us), &buffer[..count]);
         }
         Ok(())
     }
 
     fn note(&mut self, what: &str) {
-        let now_us = self.now_us();
+        let at_us = self.logged_us();
         if let Some(log) = &mut self.log {
-            log.event(now_us, what);
+            log.event(at_us, what);
         }
     }
 }

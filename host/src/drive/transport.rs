@@ -4,6 +4,7 @@
 //! A [`Transport`] is a line that may lose, delay or damage bytes; it knows no frames. An error
 //! means that the line is lost and must be reopened.
 
+use crate::drive::host_clock::HostClock;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 #[cfg(unix)]
@@ -196,12 +197,15 @@ impl Transport for Serial {
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        // The port's timeout is a reader's: go on for a writer's patience.
+        // The port's timeout is a reader's: go on for a writer's patience, in which the host runs.
         let begun = std::time::Instant::now();
+        let mut clock = HostClock::default();
         let mut rest = bytes;
         while !rest.is_empty() {
-            match patient(self.0.write(rest))? {
-                0 if begun.elapsed() > WRITE_PATIENCE => {
+            let written = patient(self.0.write(rest))?;
+            clock.round(begun.elapsed().as_micros() as u64);
+            match written {
+                0 if clock.counted() > WRITE_PATIENCE => {
                     return Err(io::Error::from(ErrorKind::TimedOut));
                 }
                 written => rest = rest.get(written..).unwrap_or_default(),

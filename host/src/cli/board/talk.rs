@@ -7,9 +7,10 @@
 use crate::cli::args::board::PortArgs;
 use crate::cli::board::heat::is_there;
 use crate::cli::board::operator::{Operator, Wish};
-use crate::cli::board::port::{ANSWER_PATIENCE, no_answer, open};
+use crate::cli::board::port::{no_answer, open};
 use crate::cli::board::status_text;
 use crate::cli::error::CliError;
+use crate::drive::patience::ANSWER_US;
 use crate::drive::pump::{Pump, host_session};
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderEvent, SenderState};
@@ -65,7 +66,7 @@ impl<'o> Talk<'o> {
         mut wanted: impl FnMut(&mut Sender, &SenderEvent) -> Option<T>,
     ) -> Result<T, CliError> {
         // One answer is waited for: other reports of the board do not extend that.
-        let begun = Instant::now();
+        let begun_us = self.pump.now_us();
         loop {
             self.follow_operator()?;
             self.pump.turn(&mut self.sender);
@@ -83,7 +84,7 @@ impl<'o> Talk<'o> {
             if let SenderState::Failed(error) = self.sender.state() {
                 return Err(CliError::Job(error.to_string()));
             }
-            if begun.elapsed() > ANSWER_PATIENCE {
+            if self.pump.now_us() - begun_us > ANSWER_US {
                 return Err(no_answer(&self.port, &self.sender.said_last()));
             }
         }
@@ -168,16 +169,18 @@ impl<'o> Talk<'o> {
 
     /// Waits until a move by hand has ended.
     pub(crate) fn wait_for_rest(&mut self) -> Result<Status, CliError> {
-        let begun = Instant::now();
-        let mut moved = (Vec::new(), begun);
+        let begun_us = self.pump.now_us();
+        let mut moved = (Vec::new(), begun_us);
         loop {
             let status = self.status()?;
+            let now_us = self.pump.now_us();
+            let waited = |since_us| Duration::from_micros(now_us - since_us);
             if moved.0 != status.counts_steps.as_slice() {
-                moved = (status.counts_steps.to_vec(), Instant::now());
-            } else if moved.1.elapsed() > STANDSTILL_PATIENCE {
+                moved = (status.counts_steps.to_vec(), now_us);
+            } else if waited(moved.1) > STANDSTILL_PATIENCE {
                 return Err(never_ends(&status, STANDSTILL_PATIENCE));
             }
-            if begun.elapsed() > MOVE_PATIENCE {
+            if waited(begun_us) > MOVE_PATIENCE {
                 return Err(never_ends(&status, MOVE_PATIENCE));
             }
             if let Some(fault) = status.fault {

@@ -398,7 +398,7 @@ impl Run<'_> {
     /// on.
     fn give(&mut self, control: Control) {
         self.operator.note(&control);
-        self.pause_heat.note(self.pump.now_us(), &control);
+        self.pause_heat.note(self.pump.real_us(), &control);
         self.sender.command(control);
     }
 
@@ -419,7 +419,7 @@ impl Run<'_> {
 
     /// A pause that keeps heating is reported, and does not heat for ever.
     fn look_at_pause(&mut self, status: &Status) {
-        let (now_us, owner) = (self.pump.now_us(), self.operator.owner());
+        let (now_us, owner) = (self.pump.real_us(), self.operator.owner());
         let most_min = self.pause_heat.most_min();
         match self.pause_heat.look(now_us, status, &owner) {
             None => {}

@@ -4,7 +4,7 @@
 #![cfg(unix)]
 
 use crate::rig::board::{Board, Host, counts, job, sleep_into_the_job};
-use crate::rig::{folder, headway, object, stderr, stdout};
+use crate::rig::{folder, headway, object, path, stderr, stdout};
 use headway::drive::link_log::{Entry, Way, read_log};
 use headway::drive::transport::Port;
 use headway::job::file;
@@ -388,4 +388,45 @@ fn heaters_and_fan_follow_the_path() {
     }
     println!("{before} statuses before, {after} after, {late} spans late of {spans:?}");
     assert!(before > 3 && after > 10, "{before} {after}");
+}
+
+/// Goal: a print outlives its host's sleep. Method: the host's process stands for 13 s, longer than any answer is
+/// waited for, on a board in another process.
+#[test]
+fn a_print_outlives_its_host_that_stood_for_13_seconds() {
+    let folder = folder("sleep");
+    let (job, _) = job(&folder, 3);
+    let port = format!("unix:{}", path(&folder.join("board")));
+    let board = Host::start(&["board", "simulate", "--listen", &port]);
+    board.wait_for("listens on");
+    let host = Host::start(&["stream", &job, "--port", &port, "--json"]);
+    sleep_into_the_job();
+    let pid = host.child.id().to_string();
+    let signal = |name: &str| {
+        let sent = std::process::Command::new("kill")
+            .args([name, &pid])
+            .status();
+        assert!(sent.unwrap().success());
+    };
+    signal("-STOP");
+    std::thread::sleep(Duration::from_secs(13));
+    signal("-CONT");
+    let (well, figures, said) = host.end();
+    assert!(well && figures["done"] == true, "{said}");
+    assert!(figures["took_s"].as_f64().unwrap() > 13.0, "{figures}");
+    board.interrupt();
+    board.end();
+}
+
+/// Goal: who lets others move and heat a board knows it. Method: where a simulated board says it listens.
+#[test]
+fn a_board_that_listens_beyond_this_computer_says_so() {
+    for (place, is_open) in [("0.0.0.0", true), ("127.0.0.1", false)] {
+        let listen = format!("tcp:{place}:0");
+        let board = Host::start(&["board", "simulate", "--listen", &listen]);
+        board.wait_for("Ctrl-C ends it");
+        board.interrupt();
+        let (_, _, said) = board.end();
+        assert_eq!(said.contains("anybody in the network"), is_open, "{said}");
+    }
 }
