@@ -97,14 +97,18 @@ impl Sender {
 
     fn has_lost_stream(&self, welcome: &Welcome) -> bool {
         let streams = matches!(self.state, SenderState::Streaming | SenderState::Finishing);
-        let ends = |outstanding: &Outstanding| {
+        let job = welcome.stream.map(|stream| stream.job);
+        streams && job != Some(self.frames.job()) && !self.ends_itself()
+    }
+
+    /// What ends the stream is under way: the board may have done it before we hear that it was taken.
+    fn ends_itself(&self) -> bool {
+        self.outstanding.as_ref().is_some_and(|outstanding| {
             matches!(
                 outstanding.what,
                 ControlMessage::Command(Control::Abort | Control::ClearFault)
             )
-        };
-        let job = welcome.stream.map(|stream| stream.job);
-        streams && job != Some(self.frames.job()) && !self.outstanding.as_ref().is_some_and(ends)
+        })
     }
 
     /// Continues a stream that the controller already has in part.
@@ -240,7 +244,9 @@ impl Sender {
                     self.fail(self.setup.refusal_error(reason));
                 }
             }
-            (None, RefusalReason::NoStream) if self.state == SenderState::Streaming => {
+            (None, RefusalReason::NoStream)
+                if self.state == SenderState::Streaming && !self.ends_itself() =>
+            {
                 self.events.push_back(SenderEvent::Refused(refusal));
                 let job = self.frames.job();
                 self.fail(SenderError::StreamLost { job });

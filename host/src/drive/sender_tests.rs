@@ -281,7 +281,10 @@ fn run(
             down.send(now_us, &out[..length]);
         }
         while sender.poll_event().is_some() {}
-        if matches!(sender.state(), SenderState::Done | SenderState::Failed(_)) {
+        if matches!(
+            sender.state(),
+            SenderState::Done | SenderState::Failed(_) | SenderState::Aborted
+        ) {
             return Run {
                 sender,
                 device,
@@ -318,6 +321,24 @@ fn every_knot_arrives_exactly_once_whatever_the_line_does() {
         resent += run.sender.figures().frames_resent;
     }
     assert!(resent > 100, "the line was not bad enough: {resent}");
+}
+
+/// Goal: who ends a job hears that it is ended, not that another program did it. Method: an abort that the board has
+/// done before its answer is heard: it refuses the frames that were under way.
+#[test]
+fn frames_that_an_abort_overtakes_are_no_loss_of_the_stream() {
+    let run = run(
+        &LinkSpec::default(),
+        1,
+        &stream(3000),
+        |ms, sender, device| {
+            if ms == 500 {
+                sender.command(Control::Abort);
+                device.predictor = None;
+            }
+        },
+    );
+    assert_eq!(run.sender.state(), &SenderState::Aborted);
 }
 
 #[test]
