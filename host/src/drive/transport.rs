@@ -215,6 +215,17 @@ impl Transport for Serial {
     }
 }
 
+impl Port {
+    /// Others than this computer reach it.
+    pub fn is_beyond_this_computer(&self) -> bool {
+        let Port::Tcp(place) = self else {
+            return false;
+        };
+        let places = place.to_socket_addrs();
+        places.is_ok_and(|mut places| places.any(|place| !place.ip().is_loopback()))
+    }
+}
+
 /// Nothing yet is no error.
 fn patient(result: io::Result<usize>) -> io::Result<usize> {
     match result {

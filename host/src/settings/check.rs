@@ -309,6 +309,12 @@ impl Settings {
         }
         let wrong = self.heaters.as_ref().and_then(wrong_heater);
         wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))?;
+        // None of the firmware's boards counts them: the fan would always be stalled.
+        let tells = self.heaters.as_ref().is_some_and(|of| of.fan_tells_turns);
+        if let (true, Some(board)) = (tells, self.board) {
+            let board = board.text();
+            return Err(SettingsError::FanTurns { board });
+        }
         check_drivers(&self.drivers, &self.machine)?;
         self.check_heading_motor()?;
         self.check_switches()?;

@@ -14,6 +14,15 @@ pub enum SettingsError {
         /// Key of the heater.
         key: &'static str,
     },
+    /// A fan's pulses on a board without an input for them.
+    #[error(
+        "heaters.fan_tells_turns: the firmware of {board} counts no pulses of a fan, which would count as stalled: \
+         leave the key out"
+    )]
+    FanTurns {
+        /// The board's name.
+        board: &'static str,
+    },
     /// A number of a driver does not fit.
     #[error("drivers.{motor}: {item} is {}; {remedy}", Short(*value))]
     Driver {

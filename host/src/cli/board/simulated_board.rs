@@ -68,6 +68,12 @@ pub(crate) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     };
     let mut board = VirtualBoard::new(setup, listener)
         .map_err(|error| CliError::Job(format!("the firmware cannot run this machine: {error}")))?;
+    if listening.is_beyond_this_computer() {
+        console.say(&format!(
+            "anybody in the network who reaches {listening} can move and heat this board: for this computer alone, \
+             listen at 127.0.0.1"
+        ));
+    }
     console.say(&format!(
         "a board of machine {name} listens on {listening}; Ctrl-C ends it"
     ));
