@@ -560,7 +560,11 @@ impl Host {
                 SenderEvent::Status(status) => {
                     let news = pause.look(now_us, &status, &self.owner);
                     match news {
-                        Some(PauseNews::Ends(orders) | PauseNews::Again(orders)) => {
+                        Some(
+                            PauseNews::Ends(orders)
+                            | PauseNews::Again(orders)
+                            | PauseNews::Returns(orders),
+                        ) => {
                             for control in orders {
                                 self.owner.note(&control);
                                 sender.command(control);

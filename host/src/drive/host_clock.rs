@@ -102,7 +102,8 @@ mod tests {
         let awake_us = real_us - asleep_us;
         // Two sleeps count as a round each.
         let expected_us = ANSWER_US - 2 * ROUND_MAX_US;
-        assert!(awake_us.abs_diff(expected_us) < 20_000, "{awake_us}");
+        // Some rounds of 5 ms.
+        assert!(awake_us.abs_diff(expected_us) < 30_000, "{awake_us}");
     }
 
     /// Goal: heat's time goes on while the host sleeps, and no clock that is set back or forward by little stops it.
@@ -123,11 +124,11 @@ mod tests {
         for ((now, wall), expected_s) in [
             (at(10, 10), 10),
             // The machine was suspended: the monotonic clock stood.
-            (at(11, 3611), 3610),
-            (at(12, -500), 3611),
-            (at(13, -499), 3612),
+            (at(11, 3611), 3611),
+            (at(12, -500), 3612),
+            (at(13, -499), 3613),
             // A process that stood: both went on.
-            (at(113, -399), 3712),
+            (at(113, -399), 3713),
         ] {
             assert_eq!(clock.at_us(now, wall), expected_s * 1_000_000);
         }

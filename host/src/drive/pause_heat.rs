@@ -12,6 +12,8 @@ use headway_protocol::message::{Control, DeviceState, HEATERS_MAX, Status};
 /// Default time for which a pause keeps heaters on, min.
 pub const PAUSE_HEAT_MAX_MIN: f64 = 120.0;
 const US_PER_MIN: f64 = 60e6;
+/// Time for an order and the status that shows it, many times over.
+const ASK_AGAIN_US: u64 = 5_000_000;
 
 /// What a pause does to the heaters.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,6 +24,8 @@ pub enum PauseNews {
     Ends(Vec<Control>),
     /// Somebody else has resumed the job with its heaters off: the commands that make it wait for them.
     Again(Vec<Control>),
+    /// The board did not hear this host for long and has switched everything off: the same.
+    Returns(Vec<Control>),
 }
 
 /// Watches the pauses of one stream.
@@ -33,6 +37,8 @@ pub struct PauseHeat {
     kept_decidegrees: [u16; HEATERS_MAX],
     /// What was switched off and is to be heated again.
     cut_decidegrees: [u16; HEATERS_MAX],
+    /// Targets were ordered again after a silence: not before this time once more.
+    asked_us: u64,
 }
 
 impl PauseHeat {
@@ -43,6 +49,7 @@ impl PauseHeat {
             since_us: None,
             kept_decidegrees: [0; HEATERS_MAX],
             cut_decidegrees: [0; HEATERS_MAX],
+            asked_us: 0,
         }
     }
 
@@ -53,6 +60,10 @@ impl PauseHeat {
 
     /// Handles a status.
     pub fn look(&mut self, now_us: u64, status: &Status, owner: &HeatOwner) -> Option<PauseNews> {
+        let again = self.after_silence(now_us, status, owner);
+        if !again.is_empty() {
+            return Some(PauseNews::Returns(again));
+        }
         if status.state != DeviceState::Paused {
             self.since_us = None;
             // A job that was ended meanwhile heats nothing.
@@ -93,6 +104,26 @@ impl PauseHeat {
         Some(PauseNews::Ends(ends))
     }
 
+    /// A board that waits for heaters with all of them off has lost its host in the stream (`HostSilent` without one):
+    /// it goes on once all targets are ordered again. Not again before that can have arrived.
+    fn after_silence(&mut self, now_us: u64, status: &Status, owner: &HeatOwner) -> Vec<Control> {
+        let waits = status.state == DeviceState::Heating;
+        let mut targets = status
+            .heaters
+            .iter()
+            .map(|heater| heater.target_decidegrees);
+        let was_cut = self.cut_decidegrees.iter().any(|target| *target > 0);
+        if !waits || targets.any(|target| target > 0) || was_cut || now_us < self.asked_us {
+            return Vec::new();
+        }
+        let targets = (0..HEATERS_MAX).map(|heater| owner.target_decidegrees(heater));
+        let again: Vec<_> = wait_for((0..).zip(targets)).collect();
+        if !again.is_empty() {
+            self.asked_us = now_us + ASK_AGAIN_US;
+        }
+        again
+    }
+
     /// A heater command during a pause: it restarts the time for which a pause keeps heaters on.
     pub fn note(&mut self, now_us: u64, control: &Control) {
         let Control::Heat {
@@ -115,14 +146,18 @@ impl PauseHeat {
     /// waited for.
     pub fn take_resume(&mut self) -> Vec<Control> {
         let cut = std::mem::take(&mut self.cut_decidegrees);
-        let again = |(heater, decidegrees): (u8, u16)| Control::Heat {
-            heater,
-            decidegrees,
-            wait: true,
-        };
-        let cut = (0..).zip(cut).filter(|(_, target)| *target > 0);
-        cut.map(again).collect()
+        wait_for((0..).zip(cut)).collect()
     }
+}
+
+/// The commands that heat, and make the stream wait for it.
+fn wait_for(targets: impl Iterator<Item = (u8, u16)>) -> impl Iterator<Item = Control> {
+    let on = targets.filter(|(_, decidegrees)| *decidegrees > 0);
+    on.map(|(heater, decidegrees)| Control::Heat {
+        heater,
+        decidegrees,
+        wait: true,
+    })
 }
 
 #[cfg(test)]
@@ -193,6 +228,34 @@ mod tests {
             let news = pause.look(501 * MIN_US, &running, &owner);
             assert_eq!(news, (!by_us).then_some(PauseNews::Again(again)));
         }
+    }
+
+    /// Goal: a host that comes back after the board had given it up orders all its targets, once, and nothing that a
+    /// person has switched off. Method: statuses by hand.
+    #[test]
+    fn a_host_that_returns_orders_its_targets_again() {
+        let mut owner = HeatOwner::default();
+        owner.note(&heat(0, 2100));
+        owner.note(&heat(1, 600));
+        let again = PauseNews::Returns(vec![heat(0, 2100), heat(1, 600)]);
+        let mut pause = PauseHeat::new(120.0);
+        let lapsed = status(DeviceState::Heating, [0, 0]);
+        assert_eq!(pause.look(0, &lapsed, &owner), Some(again.clone()));
+        assert_eq!(pause.look(ASK_AGAIN_US - 1, &lapsed, &owner), None);
+        assert_eq!(pause.look(ASK_AGAIN_US, &lapsed, &owner), Some(again));
+        // One that is off by itself was switched off by somebody.
+        let one = status(DeviceState::Heating, [2100, 0]);
+        assert_eq!(pause.look(MIN_US, &one, &owner), None);
+        for state in [
+            DeviceState::Idle,
+            DeviceState::Faulted,
+            DeviceState::Running,
+        ] {
+            let cold = status(state, [0, 0]);
+            assert_eq!(pause.look(2 * MIN_US, &cold, &owner), None);
+        }
+        let nothing = HeatOwner::default();
+        assert_eq!(pause.look(3 * MIN_US, &lapsed, &nothing), None);
     }
 
     /// Goal: a job that is ended in a pause does not heat again. Method: heat that has ended, then an abort.

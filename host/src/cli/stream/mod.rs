@@ -437,12 +437,17 @@ impl Run<'_> {
                     self.sender.command(control);
                 }
             }
-            Some(PauseNews::Again(again)) => {
-                self.tell("resumed by another program: heating again".to_string());
-                for control in again {
-                    self.give(control);
-                }
+            Some(PauseNews::Again(again)) => self.heat_again("resumed by another program", again),
+            Some(PauseNews::Returns(again)) => {
+                self.heat_again("the board had not heard this program for long", again);
             }
+        }
+    }
+
+    fn heat_again(&mut self, why: &str, orders: Vec<Control>) {
+        self.tell(format!("{why}: heating again"));
+        for control in orders {
+            self.give(control);
         }
     }
 

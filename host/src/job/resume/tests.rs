@@ -282,10 +282,10 @@ fn the_way_to_a_job_of_coarse_units_is_in_base_units() {
 }
 
 /// Goal: a heading that wound beyond the wire's 32 bits is resumed as the nozzle stands. Method: the job with a nozzle
-/// that turns on with every knot that moves, by 8 rad either way; before, the rest was turned by 156.5°.
+/// that turns on with every knot that moves, by 20 rad either way; before, the rest was turned by 156.5°.
 #[test]
 fn a_heading_that_wound_beyond_32_bits_is_resumed_as_the_nozzle_stands() {
-    for turn_units in [8_000_000i32, -8_000_000] {
+    for turn_units in [20_000_000i32, -20_000_000] {
         let mut wound = job();
         let (mut before, mut heading) = (wound.start, 0i32);
         for knot in &mut wound.knots {
