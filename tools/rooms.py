@@ -9,12 +9,16 @@ files, and lines by room. Tests are left out. Imports made by macros and re-expo
     tools/rooms.py                 the whole tree
     tools/rooms.py host/src        what lies below a folder
     tools/rooms.py --arrows        every arrow between rooms, with the files that make it
+    tools/rooms.py --budget        lines, words, packages and constants against tools/budgets.toml; exit 1 above
 """
 
 import argparse
 import re
+import sys
 from collections import defaultdict
 from pathlib import Path
+
+import room_budgets
 
 CRATES = {
     "headway_protocol": "protocol/src",
@@ -170,7 +174,11 @@ def main():
     parser.add_argument("folder", nargs="?", default=".")
     parser.add_argument("--depth", type=int, default=1, help="folders below a crate's root that are rooms of their own")
     parser.add_argument("--arrows", action="store_true")
+    parser.add_argument("--budget", action="store_true")
+    parser.add_argument("--lower", action="store_true", help="with --budget: write down what can go down")
     options = parser.parse_args()
+    if options.budget:
+        sys.exit(room_budgets.main(is_test, options.lower))
     files = {path for root in CRATES.values() for path in Path(root).rglob("*.rs") if not is_test(path)}
     shown = {path for path in files if path.is_relative_to(options.folder) or options.folder == "."}
 
