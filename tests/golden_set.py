@@ -37,8 +37,9 @@ PART = ["--layer-height", "0.2", "--walls", "2", "--infill-density", "20"]
 # The machines of docs/measurements/six-axes.md.
 WAYPOINT_MACHINES = ["trunnion", "arm-small", "gantry"]
 PRICE_S_MM2 = 2.0
-# What plans may lose: share of the sum and of one input in J, points of the lowest covered, depth in um, share of CPU.
-SUM_MAX, ONE_MAX, COVERED_MAX, OUTSIDE_MAX_UM, CPU_MAX = 1.003, 1.03, 0.2, 1.0, 1.0
+# What plans may lose: share of the sum and of one input in J, points of the lowest covered, depth in um, share of CPU (the
+# same binary takes up to 3 % more or less from run to run).
+SUM_MAX, ONE_MAX, COVERED_MAX, OUTSIDE_MAX_UM, CPU_MAX = 1.003, 1.03, 0.2, 1.0, 1.03
 
 
 def machine(name):

@@ -100,14 +100,17 @@ def end_of_item(text, begin):
     return len(text)
 
 
-def lines_of_tests(text):
-    """The lines of items marked `#[cfg(test)]`."""
-    count, end = 0, 0
+def items_of_tests(text):
+    """Where items marked `#[cfg(test)]` begin and end."""
+    end = 0
     for mark in re.finditer(r"^ *#\[cfg\(test\)\]", text, re.MULTILINE):
         if mark.start() >= end:
             end = end_of_item(text, mark.start())
-            count += text.count("\n", mark.start(), end) + 1
-    return count
+            yield mark.start(), end
+
+
+def lines_of_tests(text):
+    return sum(text.count("\n", begin, end) + 1 for begin, end in items_of_tests(text))
 
 
 def room_of(path, rooms):

@@ -220,4 +220,5 @@ def main():
             print(f"{begin} -> {to}: " + "; ".join(sorted(files_of)))
 
 
-main()
+if __name__ == "__main__":
+    main()
