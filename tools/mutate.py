@@ -19,7 +19,6 @@ import argparse
 import os
 import random
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -88,7 +87,8 @@ def changes_of(line):
     if LEFT_OUT.search(line) or CONSTANT.match(line) or FUNCTION.match(line):
         return
     for kind, sign, other in CHANGES:
-        for found in re.finditer(sign, line):
+        # Points have a difference and no sum.
+        for found in re.finditer(sign, line) if (kind, other) != ("sign", "+") or "point" not in line else ():
             yield kind, line[: found.start()] + other + line[found.end() :]
 
 
@@ -140,17 +140,17 @@ def git(*words):
 
 def make_tree():
     WORK.mkdir(parents=True, exist_ok=True)
-    remove_tree()
-    git("worktree", "add", "--detach", str(TREE), "HEAD")
+    if TREE.exists():
+        remove_tree()
+    # By force where a run that was killed left its entry behind.
+    git("worktree", "add", "--force", "--detach", str(TREE), "HEAD")
     shared = WORK / "shared"
     if (ROOT / "../shared").exists() and not shared.exists():
         shared.symlink_to((ROOT / "../shared").resolve())
 
 
 def remove_tree():
-    if TREE.exists():
-        shutil.rmtree(TREE)
-    git("worktree", "prune")
+    git("worktree", "remove", "--force", str(TREE))
 
 
 def ended(words, limit_s):
