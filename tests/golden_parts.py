@@ -89,10 +89,6 @@ def box(low, high):
     return quad(*top) + quad(*reversed(bottom)) + sides
 
 
-def shifted(triangles, x, y):
-    return [tuple((p[0] + x, p[1] + y, p[2]) for p in t) for t in triangles]
-
-
 def cube():
     return box((0, 0, 0), (20, 20, 20))
 
