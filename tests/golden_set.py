@@ -162,6 +162,8 @@ def planned(binary, words, job):
     cpu_s = f"{usage.ru_utime + usage.ru_stime:.2f}"
     if child.returncode != 0 or not job.exists():
         last = (texts[1].strip().splitlines() or [b""])[-1]
+        # Drawn inputs lie in a folder that has another name in each run.
+        last = last.replace(os.path.relpath(job.parent, ROOT).encode(), b"FOLDER")
         print(f"    refused, status {child.returncode}: {last.decode(errors='replace')}", file=sys.stderr)
         return [f"refused-{child.returncode}-{digest(last)[:16]}", *["-"] * 6, cpu_s]
     figures = json.loads(texts[0])
