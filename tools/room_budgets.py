@@ -1,8 +1,8 @@
-"""What each room weighs, against the budgets in tools/budgets.toml: tools/rooms.py --budget [--lower]
+"""What each room weighs, against the budgets in tools/budgets.toml: tools/rooms.py --budget [--lower | --write]
 
 In: the files of a checkout that git knows or would add, and the tree of packages that cargo finds. Out: a row for each
 room, and exit 1 if a figure is above its budget. A figure that is 2 % or 100 below its budget is named, since the
-budget can go down with it; `--lower` writes such budgets down, never up.
+budget can go down with it; `--lower` writes such budgets down, never up; `--write` sets every budget to its figure.
 
 Rules of the count:
 - A room of lines is a path in budgets.toml with all that lies below it, but for what a longer path there holds; `rest` is
@@ -163,25 +163,27 @@ def figures(budgets, is_test):
     return {"product_lines": product, "test_lines": tests, "words": words, "whole": whole}, before_tests
 
 
-def lowered(text, table, room, figure):
-    """The file of budgets with one of them written down."""
+def rewritten(text, table, room, figure):
+    """The file of budgets with one of them set; a room that the table lacks is added at its head."""
     key = rf'(?:"{re.escape(room)}"|{re.escape(room)})'
     head, mark, rest = text.partition(f"[{table}]\n")
-    rest, changed = re.subn(rf"^({key} = )\d+", rf"\g<1>{figure}", rest, count=1, flags=re.MULTILINE)
-    assert changed == 1, f"{table}: {room} is written in another way"
-    return head + mark + rest
+    own, next_mark, after = rest.partition("\n[")
+    own, changed = re.subn(rf"^({key} = )\d+", rf"\g<1>{figure}", own, count=1, flags=re.MULTILINE)
+    if not changed:
+        own = f'"{room}" = {figure}\n' + own
+    return head + mark + own + next_mark + after
 
 
-def main(is_test, lower):
+def main(is_test, lower, write):
     """Prints the figures beside their budgets; returns the status to exit with."""
     try:
-        return check(is_test, lower)
+        return check(is_test, lower, write)
     except Refused as why:
         print(why, file=sys.stderr)
         return 2
 
 
-def check(is_test, lower):
+def check(is_test, lower, write):
     text = BUDGETS.read_text()
     budgets = tomllib.loads(text)
     over = []
@@ -195,7 +197,9 @@ def check(is_test, lower):
                 over.append(f"{table}: {room}: {figure}, budget {budget}, over by {figure - budget}")
             elif budget - figure >= max(1, min(budget // 50, 100)):
                 note = "the budget can go down" if figure else "nothing is here: the budget can go"
-                text = lowered(text, table, room, figure)
+                text = rewritten(text, table, room, figure)
+            if write and figure != budget:
+                text = rewritten(text, table, room, figure)
             print(f"{figure:7} of {budget:6}  {table}: {room}  {note}".rstrip())
     product = counted["product_lines"]
     planner = sum(lines for room, lines in product.items() if room.startswith(PLANNER))
@@ -207,8 +211,8 @@ def check(is_test, lower):
         ("words", sum(counted["words"].values())),
     ]:
         print(f"{figure:7}  {name}")
-    if lower:
+    if lower or write:
         BUDGETS.write_text(text)
     for line in over:
         print(line, file=sys.stderr)
-    return 1 if over else 0
+    return 1 if over and not write else 0

@@ -176,9 +176,10 @@ def main():
     parser.add_argument("--arrows", action="store_true")
     parser.add_argument("--budget", action="store_true")
     parser.add_argument("--lower", action="store_true", help="with --budget: write down what can go down")
+    parser.add_argument("--write", action="store_true", help="with --budget: set every budget to its figure")
     options = parser.parse_args()
     if options.budget:
-        sys.exit(room_budgets.main(is_test, options.lower))
+        sys.exit(room_budgets.main(is_test, options.lower, options.write))
     files = {path for root in CRATES.values() for path in Path(root).rglob("*.rs") if not is_test(path)}
     shown = {path for path in files if path.is_relative_to(options.folder) or options.folder == "."}
 
