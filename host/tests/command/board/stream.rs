@@ -312,7 +312,8 @@ fn heated_job(folder: &Path, layers: u32) -> (String, MachineConfiguration) {
     let part = folder.join("square.json");
     let square = r#"{"units":"mm","exterior":[[0,0],[8,0],[8,8],[0,8]]}"#;
     std::fs::write(&part, square).unwrap();
-    let [machine, part, job] = [&machine, &part, &folder.join("square.hwj")].map(|p| path(p));
+    let [machine, part, job] =
+        [machine, part, folder.join("square.hwj")].map(|place| place.display().to_string());
     let layers = layers.to_string();
     let planned = headway(&[
         "plan", &part, "-m", &machine, "--layers", &layers, "-o", &job,
@@ -447,7 +448,7 @@ fn a_print_with_heat_outlives_its_host_that_stood_for_40_seconds() {
     let counts = object(&headway(&["simulate", &job, "--json"]))["final_counts"].clone();
     let listen = Port::Unix(folder.join("board"));
     let board = Board::of_machine(&listen, 1.0, machine, cool_heaters());
-    let log = path(&folder.join("print.log"));
+    let log = folder.join("print.log").display().to_string();
     let host = Host::start(&[
         "stream",
         &job,
