@@ -36,6 +36,8 @@ use crate::gcode::axes::FileAxes;
 use crate::gcode::{self, GCODE_BYTES_MAX, GcodeOptions, GcodeProgram};
 use crate::geometry::polygon::Region;
 use crate::mesh::{self, LoadedMesh, MeshFormat, MeshOptions};
+use crate::text::plain::plain;
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -245,7 +247,7 @@ pub fn read_any(
     }
     if format == Format::Gcode {
         check_scale(options)?;
-        let bytes = without_mark(bytes, format)?;
+        let text = text_of(bytes, format)?;
         let options = GcodeOptions {
             scale: options.scale,
             filament_mm: options.filament_mm,
@@ -253,7 +255,7 @@ pub fn read_any(
             head_letters: options.head_letters,
         };
         let name = names::part_name(name).unwrap_or_else(|| "gcode".to_string());
-        let program = gcode::read(bytes, &name, &options)?;
+        let program = gcode::read(&text, &name, &options)?;
         return Ok(match (program.has_tilts, program.is_declared) {
             (true, true) => Input::Path(declared_run::declared_run(program)),
             (true, false) => Input::Path(gcode_run::waypoint_run(program)),
@@ -262,29 +264,27 @@ pub fn read_any(
     }
     if format == Format::Waypoints {
         check_scale(options)?;
-        let bytes = without_mark(bytes, format)?;
-        return Ok(Input::Path(waypoints::read(bytes, name, options)?));
+        let text = text_of(bytes, format)?;
+        return Ok(Input::Path(waypoints::read(&text, name, options)?));
     }
-    if format == Format::Nurbs || (format == Format::Polygon && nurbs::is_nurbs(bytes)) {
+    let is_json = matches!(format, Format::Nurbs | Format::Polygon);
+    if is_json && (format == Format::Nurbs || nurbs::is_nurbs(&plain(bytes))) {
         check_scale(options)?;
-        let bytes = without_mark(bytes, format)?;
-        return Ok(Input::Path(nurbs::read(bytes, name, options)?));
+        let text = text_of(bytes, format)?;
+        return Ok(Input::Path(nurbs::read(&text, name, options)?));
     }
     read(bytes, name, format, options).map(Input::Outline)
 }
 
-/// The text without the byte order mark that some editors write first. Fails if the first bytes are
-/// not text.
-fn without_mark(bytes: &[u8], format: Format) -> Result<&[u8], InputError> {
+/// The text, however an editor has saved it. Fails if the first bytes are not text.
+fn text_of(bytes: &[u8], format: Format) -> Result<Cow<'_, [u8]>, InputError> {
     let known = |mark: &[u8]| bytes.starts_with(mark);
-    let problem = if known(&[0xff, 0xfe]) || known(&[0xfe, 0xff]) {
-        "its text is UTF-16; save it as UTF-8"
-    } else if known(&[0x1f, 0x8b]) || known(b"PK\x03\x04") {
+    let problem = if known(&[0x1f, 0x8b]) || known(b"PK\x03\x04") {
         "it is compressed; unpack it first"
     } else if bytes.iter().all(u8::is_ascii_whitespace) {
         "it is empty"
     } else {
-        return Ok(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes));
+        return Ok(plain(bytes));
     };
     Err(InputError::Syntax {
         format: format.name(),
@@ -309,7 +309,7 @@ pub fn read(
     options: &ReadOptions,
 ) -> Result<Loaded, InputError> {
     check_scale(options)?;
-    let bytes = without_mark(bytes, format)?;
+    let bytes = &*text_of(bytes, format)?;
     let drawing = match format {
         Format::Polygon => polygon::read(bytes, options)?,
         Format::GeoJson => geojson::read(bytes, options)?,

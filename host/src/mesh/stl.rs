@@ -3,12 +3,12 @@
 //! The stored normals are ignored: the order of the corners gives the orientation, and in files
 //! that contradict it the normals are wrong.
 //!
-//! ASCII files are read here and not by `stl_io`: some are in capitals, have normals that are not numbers, or
-//! several solids, of which that crate reads the first; and messages give the line.
+//! Read here and not by a crate: some texts are in capitals, have normals that are not numbers, or several
+//! solids, some binary files begin with `solid` or state no count; and messages give the line.
 
 use super::read::{RawMesh, syntax};
 use super::{Mesh, MeshError, Point3};
-use std::io::{Cursor, ErrorKind};
+use crate::text::plain::plain;
 
 const FORMAT: &str = "STL";
 /// Header and count of a binary file, and one triangle, bytes.
@@ -17,16 +17,17 @@ const BINARY_TRIANGLE: usize = 50;
 
 /// Reads all triangles, corners unshared.
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
-    check_length(bytes)?;
     // Some programs begin binary files with `solid` as well: the length decides.
-    let is_binary = binary_triangles(bytes) == Some(bytes.len());
-    let mesh = match is_text(bytes) && !is_binary {
-        true => ascii(&String::from_utf8_lossy(bytes))?,
+    let is_whole = binary_bytes(bytes) == Some(bytes.len());
+    let text = plain(bytes);
+    let (mesh, note) = match is_text(&text) && !is_whole {
+        true => (ascii(&String::from_utf8_lossy(&text))?, None),
         false => binary(bytes)?,
     };
     Ok(RawMesh {
         mesh,
         unit_mm: 1.0,
+        notes: note.into_iter().collect(),
         ..RawMesh::default()
     })
 }
@@ -42,21 +43,41 @@ impl Mesh {
     }
 }
 
-fn binary(bytes: &[u8]) -> Result<Mesh, MeshError> {
-    let mut head = Vec::new();
-    let mut rest = Cursor::new(bytes);
-    if bytes.starts_with(b"solid") {
-        head.extend_from_slice(bytes);
-        head[..5].fill(b' ');
-        rest = Cursor::new(&head);
-    }
-    let triangles = stl_io::create_stl_reader(&mut rest).map_err(|error| problem(&error))?;
+/// All triangles of a binary file, and a note where its count is not theirs: some programs never go back to write it.
+fn binary(bytes: &[u8]) -> Result<(Mesh, Option<String>), MeshError> {
+    let stated = check_length(bytes)?;
+    let (whole, rest) = bytes[BINARY_HEAD..].as_chunks::<BINARY_TRIANGLE>();
+    let numbers = |triangle: &[u8; BINARY_TRIANGLE]| -> [[f32; 3]; 3] {
+        let number = |at: usize| {
+            let bytes = [0, 1, 2, 3].map(|k| triangle[at + k]);
+            f32::from_le_bytes(bytes)
+        };
+        // The normal is first.
+        [12, 24, 36].map(|corner| [0, 4, 8].map(|axis| number(corner + axis)))
+    };
+    let is_finite = |triangle| {
+        numbers(triangle)
+            .as_flattened()
+            .iter()
+            .all(|x| x.is_finite())
+    };
+    // What follows the stated ones and is no number is no triangle.
+    let is_more = rest.is_empty() && whole[stated..].iter().all(is_finite);
+    let count = if is_more { whole.len() } else { stated };
     let mut mesh = Mesh::default();
-    for triangle in triangles {
-        let triangle = triangle.map_err(|error| problem(&error))?;
-        mesh.push_triangle(triangle.vertices.map(|vertex| vertex.0));
-    }
-    Ok(mesh)
+    let triangles = whole[..count].iter();
+    triangles.for_each(|triangle| mesh.push_triangle(numbers(triangle)));
+    let left = bytes.len() - BINARY_HEAD - BINARY_TRIANGLE * count;
+    let note = match left {
+        0 if count == stated => None,
+        0 => Some(format!(
+            "the STL states {stated} triangles and has {count}: all of them were read"
+        )),
+        _ => Some(format!(
+            "{left} bytes behind the {stated} triangles of the STL were left out"
+        )),
+    };
+    Ok((mesh, note))
 }
 
 /// All solids of a text; names and normals are ignored.
@@ -106,48 +127,35 @@ fn ascii(text: &str) -> Result<Mesh, MeshError> {
     }
 }
 
-/// True for bytes that begin like a text.
+/// True for bytes that begin like a text: a binary file has zeros in its count, at the least.
 fn is_text(bytes: &[u8]) -> bool {
     let begins = bytes.trim_ascii_start().get(..5);
     begins.is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))
-        && bytes.iter().take(512).all(u8::is_ascii)
+        && !bytes.iter().take(512).any(|byte| *byte == 0)
 }
 
 /// Bytes that a binary file of its stated count has.
-fn binary_triangles(bytes: &[u8]) -> Option<usize> {
+fn binary_bytes(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(80..84)?;
     let count = u32::from_le_bytes(count.try_into().ok()?);
     Some(BINARY_HEAD + BINARY_TRIANGLE * count as usize)
 }
 
-/// Tells of a binary file that is cut.
-fn check_length(bytes: &[u8]) -> Result<(), MeshError> {
-    let stated = binary_triangles(bytes);
-    match stated {
-        _ if is_text(bytes) => Ok(()),
-        Some(stated) if stated <= bytes.len() => Ok(()),
-        Some(stated) => Err(syntax(
+/// The stated number of triangles; tells of a binary file that is cut.
+fn check_length(bytes: &[u8]) -> Result<usize, MeshError> {
+    let ends = bytes.len();
+    let Some(stated) = binary_bytes(bytes) else {
+        let problem = format!("it has {ends} bytes and no `solid` in front; export it again");
+        return Err(syntax(FORMAT, problem));
+    };
+    let triangles = (stated - BINARY_HEAD) / BINARY_TRIANGLE;
+    match stated <= ends {
+        true => Ok(triangles),
+        false => Err(syntax(
             FORMAT,
             format!(
-                "it states {} triangles, {stated} bytes, and ends at byte {}; copy or export it again",
-                (stated - BINARY_HEAD) / BINARY_TRIANGLE,
-                bytes.len()
-            ),
-        )),
-        None => Err(syntax(
-            FORMAT,
-            format!(
-                "it has {} bytes and no `solid` in front; export it again",
-                bytes.len()
+                "it states {triangles} triangles, {stated} bytes, and ends at byte {ends}; copy or export it again"
             ),
         )),
     }
-}
-
-fn problem(error: &std::io::Error) -> MeshError {
-    let what = match error.kind() {
-        ErrorKind::UnexpectedEof => "it ends inside a triangle".to_string(),
-        _ => error.to_string(),
-    };
-    syntax(FORMAT, format!("{what}; export it again"))
 }

@@ -105,17 +105,17 @@ pub(super) fn to_obj(mesh: &Mesh) -> String {
 
 /// A 3MF package of this model text.
 pub(super) fn to_3mf(model: &str) -> Vec<u8> {
-    to_package(&[("3D/3dmodel.model", model)])
+    to_package(&[("3D/3dmodel.model", model.as_bytes())])
 }
 
 /// A package of these files.
-pub(super) fn to_package(files: &[(&str, &str)]) -> Vec<u8> {
+pub(super) fn to_package(files: &[(&str, impl AsRef<[u8]>)]) -> Vec<u8> {
     use std::io::Write;
     let mut package = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default();
     for (name, text) in files {
         package.start_file(*name, options).expect("memory");
-        package.write_all(text.as_bytes()).expect("memory");
+        package.write_all(text.as_ref()).expect("memory");
     }
     package.finish().expect("memory").into_inner()
 }

@@ -312,7 +312,13 @@ fn formats_agree() {
     let body = cuboid([1.0, 2.0, 0.5], [4.0, 3.0, 2.0]);
     let object = object_3mf(1, &body);
     let item = "<item objectid=\"1\"/>";
-    let files: [(Vec<u8>, MeshFormat); 4] = [
+    let model = model_3mf("millimeter", &object, item);
+    let marked = format!("\u{feff}{model}");
+    let wide: Vec<u8> = marked.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let package = |model: &[u8]| to_package(&[("3D/3dmodel.model", model)]);
+    let files: [(Vec<u8>, MeshFormat); 6] = [
+        (package(marked.as_bytes()), MeshFormat::ThreeMf),
+        (package(&wide), MeshFormat::ThreeMf),
         (to_stl(&body), MeshFormat::Stl),
         (to_ascii_stl(&body).into_bytes(), MeshFormat::Stl),
         (to_obj(&body).into_bytes(), MeshFormat::Obj),
@@ -403,6 +409,81 @@ fn readable_files_are_read() {
         let loaded = read(&bytes, "part", format, &MeshOptions::default());
         let volume_mm3 = loaded.map(|loaded| loaded.mesh.volume_mm3().round());
         assert_eq!(volume_mm3, Ok(24.0), "{what}");
+    }
+}
+
+/// Goal: an STL is read by what it holds, not by its first bytes or its count. Method: a box, written so that one of
+/// them is wrong; what is cut off is still refused.
+#[test]
+fn an_stl_is_read_by_its_contents() {
+    let body = cuboid([1.0, 2.0, 0.5], [4.0, 3.0, 2.0]);
+    let stated = |count: u32, rest: &[u8]| {
+        let mut bytes = to_stl(&body);
+        bytes[80..84].copy_from_slice(&count.to_le_bytes());
+        [&bytes, rest].concat()
+    };
+    let mut solid = stated(0, &[]);
+    solid[..11].copy_from_slice(b"solid part\n");
+    let mut whole = stated(12, &[]);
+    whole[..80].fill(b' ');
+    whole[..5].copy_from_slice(b"solid");
+    let text = to_ascii_stl(&body);
+    let wide: Vec<u8> = format!("\u{feff}{text}")
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    for (what, bytes, note) in [
+        (
+            "a count of 0",
+            stated(0, &[]),
+            "states 0 triangles and has 12",
+        ),
+        (
+            "a count of 5",
+            stated(5, &[]),
+            "states 5 triangles and has 12",
+        ),
+        (
+            "a count of 0 behind solid",
+            solid,
+            "states 0 triangles and has 12",
+        ),
+        ("solid", whole, ""),
+        (
+            "bytes behind it",
+            stated(12, b"colour"),
+            "6 bytes behind the 12 triangles",
+        ),
+        (
+            "no numbers behind it",
+            stated(12, &[0xff; 50]),
+            "50 bytes behind the 12 triangles",
+        ),
+        ("a mark", format!("\u{feff}{text}").into_bytes(), ""),
+        ("UTF-16", wide, ""),
+        (
+            "a name in Latin-1",
+            text.replacen("part", "@", 1)
+                .bytes()
+                .map(|b| if b == b'@' { 0xe4 } else { b })
+                .collect(),
+            "",
+        ),
+    ] {
+        let loaded = read(&bytes, "part", MeshFormat::Stl, &MeshOptions::default());
+        let loaded = loaded.unwrap_or_else(|error| panic!("{what}: {error}"));
+        assert_eq!(loaded.mesh.volume_mm3().round(), 24.0, "{what}");
+        assert!(
+            loaded.notes.join("; ").contains(note),
+            "{what}: {:?}",
+            loaded.notes
+        );
+        assert_eq!(
+            loaded.notes.is_empty(),
+            note.is_empty(),
+            "{what}: {:?}",
+            loaded.notes
+        );
     }
 }
 

@@ -387,7 +387,7 @@ fn texts() -> Vec<Case> {
         case(
             "UTF-16",
             Gcode,
-            &b"\xff\xfeG\x001\x00"[..],
+            &b"\xff\xfe?\x001\x00"[..],
             Refused("line 1"),
         ),
         case(

@@ -13,6 +13,7 @@ use crate::cli::board::jog::jog;
 use crate::cli::board::settings;
 use crate::cli::board::talk::Talk;
 use crate::cli::error::CliError;
+use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::{check_file, write_file};
 use crate::settings::joint_names;
@@ -159,10 +160,7 @@ pub(crate) fn mesh(args: &MeshArgs, console: &Console) -> Result<(), CliError> {
 
 /// A mesh from its file.
 pub(crate) fn read_mesh(path: &Path) -> Result<BedMesh, CliError> {
-    let text = std::fs::read_to_string(path).map_err(|problem| CliError::File {
-        path: path.display().to_string(),
-        problem,
-    })?;
+    let text = load::read_text(path)?;
     from_toml(&text).map_err(|error| CliError::Job(format!("{}: {error}", path.display())))
 }
 

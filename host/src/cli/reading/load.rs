@@ -12,6 +12,7 @@ use crate::mesh::MeshFormat;
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::options::Options;
 use crate::settings::{Settings, machine_file};
+use crate::text::plain::plain;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -68,7 +69,7 @@ pub(crate) fn machine(path: &Path) -> Result<Settings, CliError> {
 }
 
 pub(crate) fn read_text(path: &Path) -> Result<String, CliError> {
-    String::from_utf8(read_file(path)?).map_err(|_| {
+    String::from_utf8(plain(&read_file(path)?).into_owned()).map_err(|_| {
         let path = path.display();
         CliError::Job(format!("{path}: not a text in UTF-8; save it as that"))
     })

@@ -2,6 +2,7 @@
 
 use super::problem;
 use crate::mesh::MeshError;
+use crate::text::plain::plain;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::borrow::Cow;
@@ -91,6 +92,17 @@ pub(super) fn read(
     text: impl BufRead,
     mut take: impl FnMut(Part) -> Result<(), MeshError>,
 ) -> Result<(), MeshError> {
+    let mut text = text;
+    let first = text
+        .fill_buf()
+        .map_err(|error| problem(&error.to_string()))?;
+    // A 3MF's parts may be UTF-16 as well.
+    if !matches!(plain(first.get(..4).unwrap_or_default()), Cow::Borrowed(_)) {
+        let mut wide = Vec::new();
+        let whole = text.read_to_end(&mut wide);
+        whole.map_err(|error| problem(&error.to_string()))?;
+        return read(&*plain(&wide), take);
+    }
     let mut reader = Reader::from_reader(text);
     reader.config_mut().expand_empty_elements = true;
     let mut buffer = Vec::new();

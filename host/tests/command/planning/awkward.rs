@@ -124,7 +124,7 @@ fn outputs_are_looked_at_before_the_work() {
     assert_eq!(std::fs::read_to_string(&file).expect("file"), "kept");
 }
 
-/// A byte order mark was "expected value at line 1 column 1", and so was UTF-16.
+/// A byte order mark was "expected value at line 1 column 1", and so was UTF-16; a CR alone ended no line.
 #[test]
 fn texts_of_other_editors_are_read_or_named() {
     let folder = folder("marks");
@@ -146,7 +146,9 @@ fn texts_of_other_editors_are_read_or_named() {
         let wide = "\u{feff}".encode_utf16().chain(text.encode_utf16());
         let bytes: Vec<u8> = wide.flat_map(u16::to_le_bytes).collect();
         std::fs::write(&file, bytes).expect("file");
-        refused(&headway(&["inspect", path(&file)]), 1, &["UTF-16", "UTF-8"]);
+        object(&headway(&["inspect", path(&file), "--json"]));
+        std::fs::write(&file, text.replace('\n', "\r")).expect("file");
+        object(&headway(&["inspect", path(&file), "--json"]));
         for (bytes, part) in [
             (&b"\x1f\x8b\x08\0"[..], "compressed"),
             (b"PK\x03\x04", "unpack"),
@@ -157,7 +159,20 @@ fn texts_of_other_editors_are_read_or_named() {
         }
     }
     let machine = folder.join("m.toml");
-    std::fs::write(&machine, b"\xff\xfen\0").expect("file");
+    let text = "\u{feff}format = 1\rkinematics = \"planar\"\r";
+    let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
+    let told = |bytes: &[u8]| {
+        std::fs::write(&machine, bytes).expect("file");
+        let output = headway(&["machine", "check", path(&machine)]);
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let usual = told(
+        text.trim_start_matches('\u{feff}')
+            .replace('\r', "\n")
+            .as_bytes(),
+    );
+    assert_eq!([told(text.as_bytes()), told(&wide)], [usual.clone(), usual]);
+    std::fs::write(&machine, b"n = \"\xff\"\n").expect("file");
     let output = headway(&["machine", "check", path(&machine)]);
     refused(&output, 1, &["m.toml", "UTF-8"]);
 }
