@@ -51,8 +51,8 @@ pub struct Piece {
     pub left_out: Vec<LeftOut>,
     /// Area lost to keep-outs.
     pub kept_out_mm2: f64,
-    /// A skirt or brim was printed.
-    pub has_skirt: bool,
+    /// Loops of a brim without room; `None` without a skirt or brim.
+    pub crowded_loops: Option<usize>,
     /// Travels between passes that leave the regions.
     pub outline_crossings: u64,
     /// Unreachable boundary, once for each layer group.
@@ -113,7 +113,7 @@ impl Piece {
             two_bead_walls: TwoBeadWalls::of(&plan, settings),
             open: open_ground::open_ground(&plan, settings),
             kept_out_mm2: plan.kept_out_mm2,
-            has_skirt: plan.skirt.is_some(),
+            crowded_loops: plan.skirt.as_ref().map(|skirt| skirt.crowded),
             outline_crossings: plan.outline_crossings as u64,
             figures: plan.figures,
             ratios: plan.motion.ratios,
@@ -165,7 +165,7 @@ impl Piece {
         self.figures.add_lengths(&piece.figures);
         self.left_out.extend(piece.left_out);
         self.kept_out_mm2 += piece.kept_out_mm2;
-        self.has_skirt |= piece.has_skirt;
+        self.crowded_loops = self.crowded_loops.max(piece.crowded_loops);
         self.outline_crossings += piece.outline_crossings;
         self.ratios = self.ratios.max(piece.ratios);
         self.fit_error_ratio = self.fit_error_ratio.max(piece.fit_error_ratio);

@@ -304,11 +304,21 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
             plan.motion.doubled_moves
         ));
     }
+    let crowded = plan.skirt.as_ref().map(|skirt| skirt.crowded);
+    warnings.extend(crowded_note(crowded));
     warnings.extend(plan.roofs.notes(settings));
     warnings.extend(TwoBeadWalls::of(plan, settings).note(settings));
     warnings.extend(short_layers_note(plan.slowed, settings));
     warnings.extend(run_notes(plan, settings));
     warnings
+}
+
+/// The note on loops of a brim without room.
+pub(crate) fn crowded_note(loops: Option<usize>) -> Option<String> {
+    let loops = loops.filter(|loops| *loops > 0)?;
+    Some(format!(
+        "{loops} brim loops around parts inside a hole were left out: there is no room up to its wall"
+    ))
 }
 
 /// Notes on unreachable boundary: `length_mm` of it over all layers.

@@ -141,7 +141,7 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
         flow_interruptions: Some(passes.saturating_sub(1)),
         outline_crossings: Some(planned.printed.outline_crossings),
         print_mm: Some(f.print_mm),
-        skirt_mm: planned.printed.has_skirt.then_some(f.skirt_mm),
+        skirt_mm: planned.printed.crowded_loops.map(|_| f.skirt_mm),
         travel_mm: Some(f.travel_mm),
         print_s: Some(f.print_s),
         volume_mm3: Some(f.volume_mm3),

@@ -7,7 +7,8 @@
 //!
 //! Input: the target's regions (mm, input coordinates). Output: passes about a local origin, in
 //! printing order, the outermost loop first. A brim follows every level curve, a skirt the outer
-//! ones only: no skirt in a pocket. Holes of the part get neither.
+//! ones only: no skirt in a pocket. Holes of the part get neither, but a part inside a hole gets the loops of a
+//! brim for which there is room.
 
 use crate::plan::headings::contacts::wall_contacts;
 
@@ -48,6 +49,29 @@ pub struct SkirtPlan {
     pub axis: Vec<[Point2; 2]>,
     /// The loops, in printing order, local.
     pub passes: Vec<LayerPass>,
+    /// Loops of a brim without room between parts inside a hole and its wall.
+    pub crowded: usize,
+}
+
+/// Where loops lie, local.
+struct LoopGround {
+    /// What they are around.
+    shapes: Vec<Region>,
+    /// The ground's outer boundary, with the ground on the left: a box, or the wall of a hole.
+    frame: Ring,
+    is_hole: bool,
+}
+
+impl LoopGround {
+    /// True where the loop at a distance fits between parts and hole.
+    fn has_room(&self, distance_mm: f64, is_brim: bool, settings: &Settings) -> bool {
+        let hole = Region {
+            exterior: self.frame.clone(),
+            holes: Vec::new(),
+        };
+        let filled = || grown(&self.shapes, distance_mm + bead_mm(settings));
+        !self.is_hole || is_brim && difference(&filled(), &[hole]).is_empty()
+    }
 }
 
 impl SkirtPlan {
@@ -97,33 +121,74 @@ pub fn skirt_plan(
     };
     let bounds = bounds_of(regions);
     let offset = (bounds.min.coords + bounds.max.coords) / 2.0;
-    let shapes = outer_shapes(regions, offset);
     let frame = frame(bounds, offset, FRAME_SHARE * skirt_reach_mm(settings));
     let taken: Vec<Region> = taken.iter().map(|region| region.shifted(-offset)).collect();
     let reach_mm = settings.aperture.major_mm();
     let mut position = from - offset;
-    let mut passes: Vec<LayerPass> = Vec::new();
-    for (number, &(distance_mm, is_brim)) in distances.iter().enumerate().rev() {
-        let level = grown(&shapes, distance_mm);
-        let rings = level_rings(&level, is_brim);
-        let walls = ground_walls(&rings, &frame, &taken, reach_mm);
-        let found = loop_passes(&rings, &walls, number as u32 + 1, &settings.aperture);
-        let found = ordered(found, position, &settings.aperture);
-        if let Some(last) = found.last().and_then(|pass| pass.placements.last()) {
-            position = last.at.center;
+    let (mut passes, mut axis, mut walls, mut crowded) = (Vec::new(), Vec::new(), Vec::new(), 0);
+    for ground in loop_grounds(regions, offset, frame) {
+        let LoopGround { shapes, frame, .. } = &ground;
+        let mut own: Vec<LayerPass> = Vec::new();
+        for (number, &(distance_mm, is_brim)) in distances.iter().enumerate().rev() {
+            if !ground.has_room(distance_mm, is_brim, settings) {
+                crowded += usize::from(is_brim);
+                continue;
+            }
+            let rings = level_rings(&grown(shapes, distance_mm), is_brim);
+            let walls = ground_walls(&rings, frame, &taken, reach_mm);
+            let found = loop_passes(&rings, &walls, number as u32 + 1, &settings.aperture);
+            let found = ordered(found, position, &settings.aperture);
+            if let Some(last) = found.last().and_then(|pass| pass.placements.last()) {
+                position = last.at.center;
+            }
+            own.extend(found);
         }
-        passes.extend(found);
+        if own.is_empty() {
+            continue;
+        }
+        let inner = level_rings(&grown(shapes, first_mm), true);
+        let own_walls = ground_walls(&inner, frame, &taken, reach_mm);
+        passes.extend(linked(own, &settings.aperture, &own_walls));
+        walls.extend_from_slice(own_walls.edges());
+        let around = ground_walls(&level_rings(shapes, true), frame, &[], reach_mm);
+        axis.extend(exterior_axis(&around, skirt_reach_mm(settings))?);
     }
-    let inner = level_rings(&grown(&shapes, first_mm), true);
-    let walls = ground_walls(&inner, &frame, &taken, reach_mm);
-    let passes = linked(passes, &settings.aperture, &walls);
-    let around = ground_walls(&level_rings(&shapes, true), &frame, &[], reach_mm);
     Ok(Some(SkirtPlan {
         offset,
-        walls,
-        axis: exterior_axis(&around, skirt_reach_mm(settings))?,
+        walls: EdgeIndex::new(walls, reach_mm),
+        axis,
         passes,
+        crowded,
     }))
+}
+
+/// The ground around all parts, after that of each hole with parts inside it.
+fn loop_grounds(regions: &[Region], offset: Vector2, frame: Ring) -> Vec<LoopGround> {
+    let holes = regions.iter().flat_map(|region| &region.holes);
+    let inside = holes.filter_map(|hole| {
+        let is_in = |region: &&Region| {
+            let alone = Region {
+                exterior: hole.clone(),
+                holes: Vec::new(),
+            };
+            let first = region.exterior.points.first();
+            first.is_some_and(|first| alone.contains(*first))
+        };
+        let parts: Vec<Region> = regions.iter().filter(is_in).cloned().collect();
+        let mut frame: Vec<Point2> = hole.points.iter().map(|p| p - offset).collect();
+        frame.reverse();
+        (!parts.is_empty()).then(|| LoopGround {
+            shapes: outer_shapes(&parts, offset),
+            frame: Ring { points: frame },
+            is_hole: true,
+        })
+    });
+    let around = LoopGround {
+        shapes: outer_shapes(regions, offset),
+        frame,
+        is_hole: false,
+    };
+    inside.chain([around]).collect()
 }
 
 fn bounds_of(regions: &[Region]) -> Box2 {
@@ -269,6 +334,35 @@ mod tests {
                 distance_mm: 2.0,
             },
             ..Settings::default()
+        }
+    }
+
+    /// Goal: a part inside another one's hole has a brim where there is room for it, and what has none is counted.
+    /// Method: a square of 8 mm in frames with holes of 32 and 9.6 mm, the loops' distance from it by hand.
+    #[test]
+    fn a_part_inside_a_hole_has_its_own_brim() {
+        let square = |half_mm: f64| {
+            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+                .map(|c: [f64; 2]| c.map(|x| x * half_mm))
+        };
+        for (hole_mm, crowded) in [(16.0, 0), (4.8, 3)] {
+            let mut hole = square(hole_mm);
+            hole.reverse();
+            let part = [region(&[&square(20.0), &hole]), region(&[&square(4.0)])];
+            let plan = skirt_plan(&part, &[], Point2::origin(), &settings(1, 3))
+                .expect("axis")
+                .expect("loops");
+            assert_eq!(plan.crowded, crowded);
+            let centres = plan.passes.iter().flat_map(|pass| &pass.placements);
+            let away_mm = centres.map(|placement| placement.at.center.coords.amax() - 4.0);
+            let inside: Vec<f64> = away_mm.filter(|mm| *mm < 12.0).collect();
+            // Three beads of 1.2 mm, less what corners and overlap take.
+            let farthest_mm = inside.iter().copied().fold(0.0, f64::max);
+            assert_eq!(inside.is_empty(), crowded > 0, "{hole_mm}");
+            assert!(
+                crowded > 0 || (2.5..3.6).contains(&farthest_mm),
+                "{farthest_mm}"
+            );
         }
     }
 
