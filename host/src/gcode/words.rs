@@ -226,8 +226,11 @@ fn word(text: &str, line: usize) -> Result<(Word, &str), GcodeError> {
     Ok((Word { letter, value }, rest.trim_start()))
 }
 
-/// Two letters in a row begin a name.
+/// Two letters in a row begin a name; what brackets or a percent sign hold is a comment.
 fn is_macro(text: &str) -> bool {
+    if text.starts_with(['(', '%']) {
+        return false;
+    }
     let second = text.as_bytes().get(1);
     second.is_some_and(|c| c.is_ascii_alphabetic() || *c == b'_')
 }
@@ -329,6 +332,18 @@ mod tests {
         }
         let line = read_line("G1 (a) X1 (b) ; c", 1).expect("comments");
         assert_eq!(line.comments, ["c", "a", "b"]);
+        for text in [
+            "(rounded, tangential)",
+            "N1 (rounded, tangential)",
+            "(rounded, tangential) G1",
+        ] {
+            let line = read_line(text, 1).expect(text);
+            assert_eq!(
+                (line.command, &line.comments[..]),
+                (None, &["rounded, tangential"][..])
+            );
+        }
+        assert_eq!(read_line("%MM", 1).expect("a mark").command, Some("%"));
         let line = read_line("START_PRINT BED=60", 1).expect("macro");
         assert_eq!(line.command, Some("START_PRINT BED=60"));
     }
