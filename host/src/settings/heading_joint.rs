@@ -1,4 +1,4 @@
-//! The joint that turns the nozzle, and whether the tool axis tilts.
+//! The joints of the part's axes: those along x, y and z, and the one that turns the nozzle; whether the tool axis tilts.
 
 use super::{Settings, joint_names};
 use headway_firmware::configuration::{JointConfiguration, Kinematics};
@@ -18,7 +18,19 @@ pub(super) fn heading_joint_name(kinematics: &Kinematics) -> Option<&'static str
     names.get(number_of(kinematics)?).copied()
 }
 
+/// The number of the joint along x, y or z (0 to 2); an arm has none, whatever its joints' numbers.
+pub fn linear_joint_number(kinematics: &Kinematics, axis: usize) -> Option<usize> {
+    let names = joint_names(kinematics);
+    names.iter().position(|name| *name == ["x", "y", "z"][axis])
+}
+
 impl Settings {
+    /// The joint along x, y or z (0 to 2), where there is one.
+    pub fn linear_joint(&self, axis: usize) -> Option<&JointConfiguration> {
+        let number = linear_joint_number(&self.machine.kinematics, axis)?;
+        self.machine.joints.get(number)
+    }
+
     pub(super) fn heading_joint_number(&self) -> Option<usize> {
         number_of(&self.machine.kinematics)
     }

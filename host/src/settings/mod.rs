@@ -32,6 +32,7 @@ pub mod wide_beads;
 pub use check::{joint_names, motor_rates_hz};
 pub use choices::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
 pub use error::SettingsError;
+pub use heading_joint::linear_joint_number;
 pub use heading_motor::HeadingMotor;
 
 use self::head_shape::HeadShape;

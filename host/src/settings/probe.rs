@@ -5,7 +5,7 @@ use super::check::in_range;
 use super::error::SettingsError;
 use super::groups::ProbeKeys;
 
-/// Where Z is among the joints of a machine that can probe.
+/// The axis along which a probe goes down.
 const Z: usize = 2;
 
 /// `[probe]` of a machine file.
@@ -51,7 +51,8 @@ impl Settings {
         let Some(probe) = &self.probe else {
             return Ok(());
         };
-        let fastest = self.machine.joints.get(Z).map_or(0.0, |z| z.speed_max);
+        let z = self.linear_joint(Z);
+        let fastest = z.map_or(self.travel_speed_mm_s, |z| z.speed_max);
         ProbeKeys::check(probe)?;
         in_range("probe.fast_mm_s", probe.fast_mm_s, 0.1, fastest)?;
         in_range("probe.slow_mm_s", probe.slow_mm_s, 0.01, fastest)?;

@@ -13,7 +13,7 @@ use crate::drive::pump::host_session;
 use crate::drive::transport::{Listener, Port};
 use crate::drive::virtual_board::{BoardSetup, SettingsWriter, VirtualBed, VirtualBoard};
 use crate::drive::virtual_drivers::VirtualDrivers;
-use crate::settings::Settings;
+use crate::settings::{Settings, linear_joint_number};
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
@@ -106,7 +106,9 @@ pub(crate) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
 
 /// What its probe trips at: with Z homed at the bed and no input of its own it is Z's switch.
 fn bed(asked: &SimulateArgs, settings: &Settings) -> Result<VirtualBed, CliError> {
-    let z_down = |switch: &JointHoming| switch.joint == 2 && !switch.towards_max;
+    let z = linear_joint_number(&settings.machine.kinematics, 2);
+    let is_z = |switch: &JointHoming| z == Some(usize::from(switch.joint));
+    let z_down = |switch: &JointHoming| is_z(switch) && !switch.towards_max;
     let z_at_bed = settings.homing().joints.iter().any(z_down);
     Ok(VirtualBed {
         mesh: asked.bed.as_deref().map(read_mesh).transpose()?,

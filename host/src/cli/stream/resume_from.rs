@@ -19,7 +19,7 @@ use crate::job::heat::{HEAT_TEXT, to_json};
 use crate::job::resume::approach::Approach;
 use crate::job::resume::rest::{Printed, Rest, pass_of_layer};
 use crate::job::resume::{Parts, Reached, Resumption, resume};
-use crate::settings::{Settings, joint_names};
+use crate::settings::{Settings, joint_names, linear_joint_number};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_protocol::message::{Control, DeviceState, Status};
@@ -27,8 +27,8 @@ use serde_json::{Value, json};
 use std::fs::File;
 use std::io::BufReader;
 
-/// The joint that lifts.
-const JOINT_Z: usize = 2;
+/// The axis that lifts.
+const Z: usize = 2;
 
 /// A job from a pass on.
 pub(crate) struct Resumed {
@@ -126,11 +126,12 @@ impl Resumed {
 
 /// Z that is homed downwards may have hit the part.
 fn check_switches(job: &Job, part_clear: bool) -> Result<(), CliError> {
-    let usual = || HomingConfiguration::standard(&job.file.header.machine);
+    let machine = &job.file.header.machine;
+    let usual = || HomingConfiguration::standard(machine);
     let homing = job.settings.as_ref().map_or_else(usual, Settings::homing);
-    let downwards = homing
-        .of(JOINT_Z as u8)
-        .is_some_and(|switch| !switch.towards_max);
+    let z = linear_joint_number(&machine.kinematics, Z);
+    let switch = z.and_then(|z| homing.of(z as u8));
+    let downwards = switch.is_some_and(|switch| !switch.towards_max);
     if !downwards || part_clear {
         return Ok(());
     }

@@ -114,7 +114,7 @@ impl Hop<'_> {
 
 /// What the head covers from rest while Z slows down over half the lift.
 fn corner_mm(lift_mm: f64, settings: &Settings) -> f64 {
-    let joint = |number: usize| settings.machine.joints.get(number);
+    let joint = |axis: usize| settings.linear_joint(axis);
     let z_mm_s2 = joint(2).map_or(settings.tip_acceleration_mm_s2, |z| z.acceleration_max);
     let z_mm_s = joint(2).map_or(settings.travel_speed_mm_s, |z| z.speed_max);
     let slowing_s = (lift_mm / z_mm_s2).sqrt().max(lift_mm / z_mm_s);
@@ -161,6 +161,8 @@ impl<'a> Polyline<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::examples::MachineExample;
+    use crate::settings::machine_file;
 
     fn hop(legs: &[Point2], step_mm: f64) -> Vec<[f64; CHANNELS]> {
         let mut start = [0.0; CHANNELS];
@@ -174,6 +176,17 @@ mod tests {
             step_mm,
         };
         hop.control(&Settings::default()).expect("a hop")
+    }
+
+    /// Goal: limits of x, y and z are those of joints that move along them. Method: an arm, whose joint of that number
+    /// is the elbow, slow and fast.
+    #[test]
+    fn an_arm_s_elbow_is_no_z() {
+        let mut arm = machine_file::from_toml(MachineExample::Arm6.text()).expect("an arm");
+        let before_mm = corner_mm(1.0, &arm);
+        arm.machine.joints[2].acceleration_max *= 0.01;
+        arm.machine.joints[0].acceleration_max *= 0.01;
+        assert_eq!(corner_mm(1.0, &arm), before_mm);
     }
 
     /// Goal: the head crosses only above half the lift, begins and ends exactly, climbs no higher than it
