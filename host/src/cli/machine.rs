@@ -5,7 +5,7 @@ use crate::cli::board::configure::board_settings;
 use crate::cli::error::CliError;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::write_file;
+use crate::cli::terminal::result_kind::{BOARD_SETTINGS, MACHINE};
 use crate::pipeline::findings::settings_warnings::settings_warnings;
 use crate::settings::aperture_text::nozzle_text;
 use crate::settings::examples::MachineExample;
@@ -27,7 +27,10 @@ pub(crate) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
             settings
                 .check()
                 .map_err(|error| CliError::Usage(error.to_string()))?;
-            console.result_to(output.as_deref(), &machine_file::to_new_toml(&settings))
+            let output = output.as_ref();
+            let output = output.map(|output| output.file(MACHINE, console));
+            let text = machine_file::to_new_toml(&settings);
+            console.result_to(output.transpose()?.as_ref(), &text)
         }
         MachineCommand::Check { file, json } => {
             let settings = load::machine(file)?;
@@ -38,6 +41,7 @@ pub(crate) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
             console.result(&summary_text(&settings))
         }
         MachineCommand::Firmware { file, output } => {
+            let output = output.file(BOARD_SETTINGS, console)?;
             let settings = load::machine(file)?;
             let settings = board_settings(settings);
             let record = settings.encode().map_err(|refusal| {
@@ -47,10 +51,10 @@ pub(crate) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
                 ))
             })?;
             let machine = settings.machine;
-            write_file(output, &record)?;
+            output.write(&record)?;
             console.result(&format!(
                 "{}: machine {:08x}, {} joints\n",
-                output.display(),
+                output.path().display(),
                 machine.hash(),
                 machine.joints.len()
             ))

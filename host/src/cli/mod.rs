@@ -18,16 +18,20 @@ mod stream;
 mod terminal;
 
 use args::{Arguments, Command};
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 use error::CliError;
 use std::ffi::OsString;
 use std::process::ExitCode;
 use terminal::console::Console;
+use terminal::named_files::NamedFiles;
 
 /// Runs one command.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let arguments = match Arguments::try_parse_from(arguments) {
-        Ok(arguments) => arguments,
+    let mut command = Arguments::command();
+    let parsed = command.try_get_matches_from_mut(arguments);
+    let parsed = parsed.and_then(|matches| Ok((Arguments::from_arg_matches(&matches)?, matches)));
+    let (arguments, matches) = match parsed.map_err(|error| error.format(&mut command)) {
+        Ok(parsed) => parsed,
         Err(error) => {
             let wrong = error.use_stderr();
             // Help to a closed pipe is not an error.
@@ -35,7 +39,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             return ExitCode::from(if wrong { 2 } else { 0 });
         }
     };
-    let console = Console::new(arguments.quiet);
+    let files = NamedFiles::of(&matches, arguments.force);
+    let console = Console::new(arguments.quiet, files);
     let result = match &arguments.command {
         Command::Machine(machine) => machine::run(machine, &console),
         Command::Calibrate(calibrate) => plan::calibrate::run(calibrate, &console),

@@ -7,7 +7,8 @@ use crate::cli::args::Arguments;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::write_file;
+use crate::cli::terminal::output_file::OutputPath;
+use crate::cli::terminal::result_kind::MANUAL;
 use clap::{Command, CommandFactory};
 
 pub(crate) fn completions(args: &CompletionsArgs, console: &Console) -> Result<(), CliError> {
@@ -24,7 +25,7 @@ pub(crate) fn completions(args: &CompletionsArgs, console: &Console) -> Result<(
 pub(crate) fn man(args: &ManArgs, console: &Console) -> Result<(), CliError> {
     let mut command = Arguments::command();
     command.build();
-    let Some(folder) = &args.output else {
+    let Some(folder) = args.output.as_ref().map(OutputPath::name) else {
         return console.result(&page(&command)?);
     };
     let mut pages = Vec::new();
@@ -34,8 +35,12 @@ pub(crate) fn man(args: &ManArgs, console: &Console) -> Result<(), CliError> {
         problem,
     })?;
     // The folder may be one that other pages live in: only ours are written.
-    for (name, text) in &pages {
-        write_file(&folder.join(name), text.as_bytes())?;
+    let mut files = Vec::new();
+    for (name, _) in &pages {
+        files.push(OutputPath::from(folder.join(name)).file(MANUAL, console)?);
+    }
+    for (file, (_, text)) in files.iter().zip(&pages) {
+        file.write(text.as_bytes())?;
     }
     console.say(&format!(
         "{}: {} pages; read one with man -l {}",

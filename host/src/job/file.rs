@@ -29,7 +29,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use thiserror::Error;
 
-const MAGIC: &[u8; 8] = b"HEADWAYJ";
+pub(crate) const MAGIC: &[u8; 8] = b"HEADWAYJ";
 const FOOTER_MAGIC: &[u8; 8] = b"HWJINDEX";
 /// Version of the file's layout.
 pub const FORMAT_VERSION: u16 = 1;

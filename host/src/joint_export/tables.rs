@@ -12,7 +12,8 @@ use serde_json::json;
 use std::io::{Error, Result, Write};
 
 /// Columns before those of the joints.
-const FIRST_COLUMNS: [&str; 6] = ["t_s", "layer", "pass", "state", "volume_mm3", "flow_mm3_s"];
+pub(crate) const FIRST_COLUMNS: [&str; 6] =
+    ["t_s", "layer", "pass", "state", "volume_mm3", "flow_mm3_s"];
 
 /// A job whose joints are written.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,9 @@
 //! The options of `stream` and `board`, with their help.
 
 use crate::cli::args::export::EndHeatArgs;
+use crate::cli::terminal::output_file::OutputPath;
 use crate::settings::heat::PAUSE_HEAT_MAX_MIN_MOST;
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueHint};
 use headway_protocol::message::REPORT_PERIOD_RANGE_MS;
 use std::path::PathBuf;
 
@@ -72,8 +73,8 @@ pub(crate) struct StreamArgs {
     #[arg(long, requires = "resume_from")]
     pub part_clear: bool,
     /// Write every byte of the conversation (headway board replay reads it).
-    #[arg(long, value_name = "FILE")]
-    pub log: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::AnyPath)]
+    pub log: Option<OutputPath>,
     /// Period of the board's status reports, ms, from 20 to 60000; kept until it restarts [default:
     /// 100]. If the line is silent for 0.2 s the board is queried.
     #[arg(long, value_name = "MS", value_parser = status_period())]
@@ -160,8 +161,8 @@ pub(crate) struct SimulateArgs {
     pub bed: Option<PathBuf>,
     /// File that represents the board's flash: stores the settings of `board configure`, and is read
     /// at the start, before --machine.
-    #[arg(long, value_name = "FILE")]
-    pub settings: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::AnyPath)]
+    pub settings: Option<OutputPath>,
 }
 
 /// `headway board probe`.
@@ -195,8 +196,8 @@ pub(crate) struct MeshArgs {
     #[arg(long, value_name = "MM")]
     pub fade_height: Option<f64>,
     /// File to write.
-    #[arg(short, long, value_name = "FILE", default_value = "bed.toml")]
-    pub output: PathBuf,
+    #[arg(short, long, value_name = "FILE", default_value = "bed.toml", value_hint = ValueHint::AnyPath)]
+    pub output: OutputPath,
     #[command(flatten)]
     pub machine: BoardMachineArgs,
     #[command(flatten)]
@@ -362,7 +363,10 @@ pub(crate) enum BoardCommand {
         heater: String,
         /// Temperature to oscillate around, °C: that of printing.
         celsius: f64,
-        /// Machine file to write the result to [default: it is printed].
+        /// Write the result into the machine file, whose old text is kept beside it as FILE.bak [default: it is
+        /// printed].
+        #[arg(long, requires = "machine")]
+        in_place: bool,
         #[command(flatten)]
         machine: BoardMachineArgs,
         #[command(flatten)]

@@ -3,8 +3,8 @@
 use crate::calibration::PatternKind;
 use crate::cli::args::SettingsArgs;
 use crate::cli::args::allow::AllowArgs;
-use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use crate::cli::terminal::output_file::OutputPath;
+use clap::{Args, ValueEnum, ValueHint};
 
 /// `headway calibrate`.
 #[derive(Debug, Args)]
@@ -22,8 +22,8 @@ pub(crate) struct CalibrateArgs {
     pub pattern: PatternName,
     /// Job file to write; several jobs each have their value in the name, and a machine file of the
     /// same name [default: the pattern's name].
-    #[arg(short, long, value_name = "JOB.hwj")]
-    pub output: Option<PathBuf>,
+    #[arg(short, long, value_name = "JOB.hwj", value_hint = ValueHint::AnyPath)]
+    pub output: Option<OutputPath>,
     /// Length of the lines, or distance of the marks, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub length: Option<f64>,

@@ -1,7 +1,8 @@
 //! The options of `headway compare`, with their help.
 
 use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
-use clap::Args;
+use crate::cli::terminal::output_file::OutputPath;
+use clap::{Args, ValueHint};
 use std::path::PathBuf;
 
 /// `headway compare`.
@@ -34,8 +35,8 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "G_CM3", allow_negative_numbers = true)]
     pub density: Option<f64>,
     /// Draw the times as bars, and a layer of each.
-    #[arg(long, value_name = "PICTURE.svg")]
-    pub picture: Option<PathBuf>,
+    #[arg(long, value_name = "PICTURE.svg", value_hint = ValueHint::AnyPath)]
+    pub picture: Option<OutputPath>,
     #[command(flatten)]
     pub reading: InputArgs,
     #[command(flatten)]

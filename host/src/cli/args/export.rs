@@ -1,7 +1,8 @@
 //! The options of `headway export`, with their help.
 
+use crate::cli::terminal::output_file::OutputPath;
 use crate::report::plan_marks::Colouring;
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, ValueHint};
 use std::path::PathBuf;
 
 /// `headway export`.
@@ -41,8 +42,8 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub joint_names: Option<Vec<String>>,
     /// File to write [default: stdout].
-    #[arg(short, long, value_name = "FILE")]
-    pub output: Option<PathBuf>,
+    #[arg(short, long, value_name = "FILE", value_hint = ValueHint::AnyPath)]
+    pub output: Option<OutputPath>,
     /// Print the figures of G-code as one JSON object on stdout; needs --output.
     #[arg(long)]
     pub json: bool,

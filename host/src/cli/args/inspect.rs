@@ -1,7 +1,8 @@
 //! The options of `headway inspect`, with their help.
 
 use crate::cli::args::{InputArgs, LayerArgs};
-use clap::Args;
+use crate::cli::terminal::output_file::OutputPath;
+use clap::{Args, ValueHint};
 use std::path::PathBuf;
 
 /// `headway inspect`.
@@ -31,8 +32,8 @@ pub(crate) struct InspectArgs {
     #[arg(long, value_name = "X,Y,Z,T", allow_hyphen_values = true)]
     pub axes_at: Option<String>,
     /// Draws the free axes of --axes-at as a map of the half sphere, SVG.
-    #[arg(long, value_name = "FILE", requires = "axes_at")]
-    pub picture: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", requires = "axes_at", value_hint = ValueHint::AnyPath)]
+    pub picture: Option<OutputPath>,
     /// One JSON object on stdout.
     #[arg(long)]
     pub json: bool,

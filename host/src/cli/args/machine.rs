@@ -1,6 +1,7 @@
 //! The options of `headway machine`, with their help.
 
-use clap::{Args, Subcommand, ValueEnum};
+use crate::cli::terminal::output_file::OutputPath;
+use clap::{Args, Subcommand, ValueEnum, ValueHint};
 use std::path::PathBuf;
 
 /// `headway machine`.
@@ -26,8 +27,8 @@ pub(crate) enum MachineCommand {
         #[arg(long)]
         name: Option<String>,
         /// File to write [default: stdout].
-        #[arg(short, long, value_name = "FILE")]
-        output: Option<PathBuf>,
+        #[arg(short, long, value_name = "FILE", value_hint = ValueHint::AnyPath)]
+        output: Option<OutputPath>,
     },
     /// Check a machine file, report errors or a summary.
     Check {
@@ -43,8 +44,8 @@ pub(crate) enum MachineCommand {
         /// The machine file.
         file: PathBuf,
         /// File to write.
-        #[arg(short, long, value_name = "FILE")]
-        output: PathBuf,
+        #[arg(short, long, value_name = "FILE", value_hint = ValueHint::AnyPath)]
+        output: OutputPath,
     },
 }
 

@@ -22,12 +22,13 @@ use crate::cli::args::other_names::OtherNames;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
 pub(crate) use names::{FormatName, UnitName};
 
+use crate::cli::terminal::output_file::OutputPath;
 use crate::pipeline::shards::Shard;
 use crate::settings::Place;
 use crate::settings::options::Options;
 
 use clap::builder::ArgPredicate;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueHint};
 use std::path::PathBuf;
 
 /// Plans, simulates and streams the motion of print heads with turning, non-round nozzles.
@@ -39,6 +40,10 @@ pub(crate) struct Arguments {
     /// Show no progress, not even on a terminal; notes and errors stay.
     #[arg(long, global = true)]
     pub quiet: bool,
+    /// Replace a file that is no older result of the same kind, too, and a log or machine file; never one that the
+    /// command reads.
+    #[arg(long, global = true)]
+    pub force: bool,
 }
 
 const EXAMPLES: &str = "\
@@ -251,8 +256,8 @@ pub(crate) struct PlanArgs {
     )]
     pub input: PathBuf,
     /// Job file to write; none with --shard.
-    #[arg(short, long, value_name = "JOB.hwj", required_unless_present = "shard")]
-    pub output: Option<PathBuf>,
+    #[arg(short, long, value_name = "JOB.hwj", required_unless_present = "shard", value_hint = ValueHint::AnyPath)]
+    pub output: Option<OutputPath>,
     /// Plan only every Nth block of a mesh's layers, from the Kth on, into the folder of --cache, and write no job: on
     /// several machines at once. The same command without it then takes all blocks from the folder.
     #[arg(long, value_name = "K/N", requires = "cache", conflicts_with_all = ["output", "against"], value_parser = shard)]
@@ -300,8 +305,8 @@ pub(crate) struct HeadingsArgs {
     )]
     pub spacing: f64,
     /// Table to write [default: stdout].
-    #[arg(short, long, value_name = "F.csv")]
-    pub output: Option<PathBuf>,
+    #[arg(short, long, value_name = "F.csv", value_hint = ValueHint::AnyPath)]
+    pub output: Option<OutputPath>,
     #[command(flatten)]
     pub reading: InputArgs,
     #[command(flatten)]
@@ -328,14 +333,14 @@ pub(crate) struct SimulateArgs {
     )]
     pub input: PathBuf,
     /// Folder for figures and pictures; created if missing.
-    #[arg(long, value_name = "DIR")]
-    pub report: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::AnyPath)]
+    pub report: Option<OutputPath>,
     /// Table of the poses of the simulated steps.
-    #[arg(long, value_name = "F.csv")]
-    pub trace: Option<PathBuf>,
+    #[arg(long, value_name = "F.csv", value_hint = ValueHint::AnyPath)]
+    pub trace: Option<OutputPath>,
     /// Table of every step.
-    #[arg(long, value_name = "F.csv")]
-    pub trace_steps: Option<PathBuf>,
+    #[arg(long, value_name = "F.csv", value_hint = ValueHint::AnyPath)]
+    pub trace_steps: Option<OutputPath>,
     /// Faults of the simulated line: drop, flip, dup, delay, stall=LENGTH@START,
     /// pull=LENGTH@START, baud.
     #[arg(long, value_name = "FAULTS")]
@@ -368,8 +373,8 @@ pub(crate) struct ViewArgs {
     /// A job file (.hwj), or an input, which is planned.
     pub input: PathBuf,
     /// Folder for the page and its pictures [default: the input's name, with -report].
-    #[arg(long, value_name = "DIR")]
-    pub report: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::AnyPath)]
+    pub report: Option<OutputPath>,
     /// Only write the page.
     #[arg(long)]
     pub no_open: bool,

@@ -1,8 +1,8 @@
 //! The options of `headway completions` and `headway man`, with their help.
 
-use clap::{Args, ValueEnum};
+use crate::cli::terminal::output_file::OutputPath;
+use clap::{Args, ValueEnum, ValueHint};
 use clap_complete::Shell;
-use std::path::PathBuf;
 
 /// `headway completions`.
 #[derive(Debug, Args)]
@@ -49,6 +49,6 @@ Examples:
   headway man -o ~/.local/share/man/man1")]
 pub(crate) struct ManArgs {
     /// Folder for the pages of all commands [default: the first page, to stdout].
-    #[arg(short, long, value_name = "DIR")]
-    pub output: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::AnyPath)]
+    pub output: Option<OutputPath>,
 }

@@ -93,9 +93,10 @@ pub(crate) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
         BoardCommand::Tune {
             heater,
             celsius,
+            in_place,
             machine,
             port,
-        } => tune(heater, *celsius, machine, port, console),
+        } => tune(heater, *celsius, *in_place, machine, port, console),
         BoardCommand::Simulate(asked) => simulate(asked, console),
         BoardCommand::Configure { machine, port } => configure(machine, port, console),
         BoardCommand::Replay { log, machine, json } => {

@@ -288,7 +288,10 @@ mod tests {
             });
             // A test that fails ends its board too: the scope waits for it.
             let ended = Ended(&stop);
-            let console = Console::new(true);
+            let console = Console::new(
+                true,
+                crate::cli::terminal::named_files::NamedFiles::default(),
+            );
             let panicked = catch_unwind(AssertUnwindSafe(|| {
                 let operator = Operator::new(&args, &console);
                 let mut talk = Talk::open_for(&args, Some(&operator)).unwrap();

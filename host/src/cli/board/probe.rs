@@ -15,7 +15,7 @@ use crate::cli::board::talk::Talk;
 use crate::cli::error::CliError;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::{check_file, write_file};
+use crate::cli::terminal::result_kind::BED_MESH;
 use crate::settings::joint_names;
 use crate::settings::probe::ProbeSettings;
 use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
@@ -106,7 +106,7 @@ pub(crate) fn probe(args: &ProbeArgs, console: &Console) -> Result<(), CliError>
 pub(crate) fn mesh(args: &MeshArgs, console: &Console) -> Result<(), CliError> {
     let (low, high) = corners(&args.area)?;
     let [columns, rows] = args.points;
-    check_file(&args.output)?;
+    let output = args.output.file(BED_MESH, console)?;
     let mut prober = Prober::open(&args.machine, &args.port)?;
     let at = |axis: usize, number: u32, of: u32| {
         low[axis] + (high[axis] - low[axis]) * f64::from(number) / f64::from(of - 1)
@@ -146,9 +146,9 @@ pub(crate) fn mesh(args: &MeshArgs, console: &Console) -> Result<(), CliError> {
     let needed_mm = (mesh.fade_start_mm + mesh.deviation_mm() / LAYER_SHARE_MAX).ceil();
     mesh.fade_height_mm = args.fade_height.unwrap_or(FADE_HEIGHT_MM.max(needed_mm));
     let text = to_toml(&mesh);
-    let place = args.output.display();
+    let place = output.path().display();
     from_toml(&text).map_err(|error| CliError::Job(format!("{place}: {error}")))?;
-    write_file(&args.output, text.as_bytes())?;
+    output.write(text.as_bytes())?;
     let [lowest, highest] = mesh.range_mm();
     console.result(&format!(
         "{place}: {columns} x {rows} points from {lowest:.4} to {highest:.4} mm, mean {:.4} mm; touches within \

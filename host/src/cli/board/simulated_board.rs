@@ -8,6 +8,7 @@ use crate::cli::board::probe::read_mesh;
 use crate::cli::board::settings;
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
+use crate::cli::terminal::result_kind::FLASH;
 use crate::cli::terminal::signals::catch;
 use crate::drive::pump::host_session;
 use crate::drive::transport::{Listener, Port};
@@ -39,7 +40,9 @@ pub(crate) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     }
     let settings = settings(&asked.machine)?;
     let mut bed = bed(asked, &settings)?;
-    let flash = asked.settings.as_deref().map(FlashFile::open).transpose()?;
+    let flash = asked.settings.as_ref();
+    let flash = flash.map(|path| path.file(FLASH, console)).transpose()?;
+    let flash = flash.map(|file| FlashFile::open(file.path())).transpose()?;
     let kept = flash.as_ref().and_then(FlashFile::settings);
     let listener =
         Listener::bind(&port).map_err(|problem| CliError::Job(format!("{port}: {problem}")))?;

@@ -8,11 +8,12 @@ use crate::cli::board::talk::Talk;
 use crate::cli::error::CliError;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
+use crate::cli::terminal::output_file::{check_file, write_file};
 use crate::drive::relay_tuning::{RelayTuning, Tuned};
 use crate::settings::heat::HEATER_KEYS;
 use crate::settings::machine_file::write_heater;
 use headway_firmware::configuration::heat::{HeatConfiguration, HeaterConfiguration, HeaterRole};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// A target this far above gives full power: the regulator is at its end there, whatever its gains.
@@ -25,6 +26,7 @@ const TUNE_PATIENCE: Duration = Duration::from_secs(3600);
 pub(crate) fn tune(
     heater: &str,
     celsius: f64,
+    in_place: bool,
     machine: &BoardMachineArgs,
     port: &PortArgs,
     console: &Console,
@@ -40,6 +42,8 @@ pub(crate) fn tune(
              highest target"
         )));
     }
+    let file = machine.machine.as_deref().filter(|_| in_place);
+    file.map(check_file).transpose()?;
     // Off, however it ends.
     let operator = Operator::new(port, console);
     let mut talk = Talk::open_for(port, Some(&operator))?;
@@ -58,7 +62,7 @@ pub(crate) fn tune(
     let key = HEATER_KEYS.get(usize::from(number)).copied();
     // Writing to a string cannot fail.
     let _ = write_heater(&mut text, key.unwrap_or_default(), &found);
-    match &machine.machine {
+    match file {
         Some(path) => keep(path, number, found, console),
         None => console.result(&text),
     }
@@ -123,7 +127,7 @@ fn keep(
         path: path.display().to_string(),
         problem,
     };
-    let text = std::fs::read_to_string(path).map_err(file)?;
+    let old = std::fs::read_to_string(path).map_err(file)?;
     let settings = load::machine(path)?;
     let has_heaters = settings.heaters.is_some();
     let mut heaters = settings.heaters.unwrap_or_else(HeatConfiguration::standard);
@@ -134,13 +138,32 @@ fn keep(
         HeaterRole::HotEnd => "hot end",
         HeaterRole::Bed => "bed",
     };
-    let text = with_heaters(&text, &heaters);
-    crate::cli::terminal::output_file::write_file(path, text.as_bytes())?;
+    let text = with_heaters(&old, &heaters);
+    load::machine_of(text.clone(), path)?;
+    let kept = free_name(path);
+    write_file(&kept, old.as_bytes())?;
+    write_file(path, text.as_bytes())?;
     let verb = if has_heaters { "changed" } else { "added" };
     console.result(&format!(
-        "{}: {verb} the {role}; rebuild the firmware for it (headway machine firmware)\n",
-        path.display()
+        "{}: {verb} the {role}, the old text is in {}; rebuild the firmware for it (headway machine firmware)\n",
+        path.display(),
+        kept.display()
     ))
+}
+
+/// `FILE.bak`, or with a number if there is one already.
+fn free_name(path: &Path) -> PathBuf {
+    let name = |number: u32| {
+        let mut name = path.as_os_str().to_os_string();
+        name.push(".bak");
+        if number > 1 {
+            name.push(number.to_string());
+        }
+        PathBuf::from(name)
+    };
+    let mut names = (1..).map(name);
+    let free = names.find(|name| name.symlink_metadata().is_err());
+    free.unwrap_or_else(|| name(1))
 }
 
 /// The machine file with these heaters instead of its own; all else, comments too, stays.
@@ -164,6 +187,7 @@ fn with_heaters(text: &str, heaters: &HeatConfiguration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::terminal::named_files::NamedFiles;
     use crate::settings::{Settings, machine_file};
 
     #[test]
@@ -181,6 +205,26 @@ mod tests {
             let written = machine_file::to_toml(&read);
             assert_eq!(machine_file::from_toml(&written).unwrap(), read);
         }
+    }
+
+    /// Goal: no edit costs the old text. Method: a file that is written to twice; the file and what is kept of it.
+    #[test]
+    fn the_old_text_of_an_edited_file_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("printer.toml");
+        let console = Console::new(true, NamedFiles::default());
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        let old = machine_file::to_new_toml(&Settings::default());
+        std::fs::write(&path, &old).unwrap();
+        let found = HeatConfiguration::standard().heaters[0];
+        keep(&path, 0, found, &console).unwrap();
+        let first = read("printer.toml");
+        assert!(first != old && machine_file::from_toml(&first).is_ok());
+        keep(&path, 0, found, &console).unwrap();
+        assert_eq!(
+            [read("printer.toml.bak"), read("printer.toml.bak2")],
+            [old, first]
+        );
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::cli::error::CliError;
 use crate::cli::plan::planned;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::{check_file, write_file};
+use crate::cli::terminal::result_kind::PICTURE;
 use crate::pipeline::page::pictures;
 use crate::pipeline::planned::Planned;
 use crate::report::compare_picture::{self, Bar};
@@ -84,9 +84,11 @@ pub(crate) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
             "compare needs --aperture at least twice, once for each nozzle".to_string(),
         ));
     }
-    if let Some(picture) = &args.picture {
-        check_file(picture)?;
-    }
+    let file = args
+        .picture
+        .as_ref()
+        .map(|path| path.file(PICTURE, console));
+    let file = file.transpose()?;
     if let Some(density) = args.density.filter(|of| !DENSITIES.contains(of)) {
         return Err(CliError::Usage(format!(
             "--density {density}: write 0.001 to 30 g/cm³"
@@ -129,8 +131,8 @@ pub(crate) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
             ..row(args, &aperture, &planned)
         });
     }
-    if let Some(path) = &args.picture {
-        write_file(path, picture(args, &rows).as_bytes())?;
+    if let Some(file) = &file {
+        file.write(picture(args, &rows).as_bytes())?;
     }
     match args.json {
         true => {

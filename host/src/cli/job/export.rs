@@ -7,6 +7,8 @@ use crate::cli::plan::planned;
 use crate::cli::reading::job;
 use crate::cli::reading::job::Job;
 use crate::cli::terminal::console::Console;
+use crate::cli::terminal::output_file::OutputFile;
+use crate::cli::terminal::result_kind::{GCODE, JSON, PICTURE, TABLE, YAML};
 use crate::joint_export::tables::JointTable;
 use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_trajectory};
 use crate::pipeline::page::pictures;
@@ -46,17 +48,35 @@ pub(crate) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
             "--joint-names goes with --to ros2-json and --to ros2-yaml".to_string(),
         ));
     }
+    let kind = match args.to {
+        ExportName::Csv => TABLE,
+        ExportName::Svg => PICTURE,
+        ExportName::Json | ExportName::Ros2Json => JSON,
+        ExportName::Ros2Yaml => YAML,
+        ExportName::Gcode => GCODE,
+    };
+    let output = args.output.as_ref();
+    let output = output
+        .map(|output| output.file(kind, console))
+        .transpose()?;
+    let output = output.as_ref();
     let job = job::read(&args.job)?;
     let text = match args.to {
-        ExportName::Ros2Json => return trajectory(&job, args, TrajectoryFormat::Json, console),
-        ExportName::Ros2Yaml => return trajectory(&job, args, TrajectoryFormat::Yaml, console),
-        ExportName::Csv | ExportName::Json if args.joints => return joints(&job, args, console),
-        ExportName::Csv => return csv(&job, args, console),
-        ExportName::Gcode => return export_gcode::run(&job, args, console),
+        ExportName::Ros2Json => {
+            return trajectory(&job, args, TrajectoryFormat::Json, output, console);
+        }
+        ExportName::Ros2Yaml => {
+            return trajectory(&job, args, TrajectoryFormat::Yaml, output, console);
+        }
+        ExportName::Csv | ExportName::Json if args.joints => {
+            return joints(&job, args, output, console);
+        }
+        ExportName::Csv => return csv(&job, args, output, console),
+        ExportName::Gcode => return export_gcode::run(&job, args, output, console),
         ExportName::Svg => svg(planned::of_job(job), args)?,
         ExportName::Json => format!("{:#}\n", json(&job)),
     };
-    console.result_to(args.output.as_deref(), &text)
+    console.result_to(output, &text)
 }
 
 /// A layer's picture.
@@ -111,9 +131,14 @@ fn joint_table<'a>(job: &'a Job, args: &ExportArgs) -> Result<JointTable<'a>, Cl
 }
 
 /// Joints as a table.
-fn joints(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
+fn joints(
+    job: &Job,
+    args: &ExportArgs,
+    output: Option<&OutputFile>,
+    console: &Console,
+) -> Result<(), CliError> {
     let table = joint_table(job, args)?;
-    console.write_to(args.output.as_deref(), |mut out| match args.to {
+    console.write_to(output, |mut out| match args.to {
         ExportName::Json => table.write_json(&mut out),
         _ => table.write_csv(&mut out),
     })
@@ -124,20 +149,26 @@ fn trajectory(
     job: &Job,
     args: &ExportArgs,
     format: TrajectoryFormat,
+    output: Option<&OutputFile>,
     console: &Console,
 ) -> Result<(), CliError> {
     let table = joint_table(job, args)?;
     let names = joint_names_of(&table, args.joint_names.as_deref())
         .map_err(|error| CliError::Usage(format!("--joint-names: {error}")))?;
-    console.write_to(args.output.as_deref(), |mut out| {
+    console.write_to(output, |mut out| {
         write_trajectory(&mut out, &table, &names, format)
     })
 }
 
 /// Writes rows as they are computed: a long job's table need not fit into memory.
-fn csv(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
+fn csv(
+    job: &Job,
+    args: &ExportArgs,
+    output: Option<&OutputFile>,
+    console: &Console,
+) -> Result<(), CliError> {
     check_rows(job, args)?;
-    console.write_to(args.output.as_deref(), |mut out| {
+    console.write_to(output, |mut out| {
         let servo_hz = job.servo_hz();
         pose_table::write_csv(
             &mut out,

@@ -6,6 +6,7 @@ use crate::cli::plan::missing_heat::{missing_heat, missing_in_text};
 use crate::cli::reading::job::Job;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
+use crate::cli::terminal::output_file::OutputFile;
 use crate::gcode::FILAMENT_MM;
 use crate::gcode::write::controller_time::SlowedBy;
 use crate::gcode::write::dialect::{Dialect, Retraction};
@@ -20,9 +21,14 @@ use std::path::Path;
 const TIP_MM: [f64; 2] = [1e-4, 1.0];
 
 /// Writes the job's G-code and reports the demands on a controller.
-pub(crate) fn run(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
+pub(crate) fn run(
+    job: &Job,
+    args: &ExportArgs,
+    output: Option<&OutputFile>,
+    console: &Console,
+) -> Result<(), CliError> {
     let options = options(job, args)?;
-    if args.json && args.output.is_none() {
+    if args.json && output.is_none() {
         return Err(CliError::Usage(
             "--json prints the figures on stdout: give the G-code a file with --output".to_string(),
         ));
@@ -60,12 +66,10 @@ pub(crate) fn run(job: &Job, args: &ExportArgs, console: &Console) -> Result<(),
     let checked = write_gcode(std::io::sink(), &text, &options);
     let written = checked.map_err(|error| CliError::Usage(error.to_string()))?;
     console.notes(&notes(&written, &options));
-    console.write_to(args.output.as_deref(), |out| {
-        match write_gcode(out, &text, &options) {
-            Ok(_) => Ok(()),
-            Err(WriteError::Io(error)) => Err(error),
-            Err(error) => Err(std::io::Error::other(error)),
-        }
+    console.write_to(output, |out| match write_gcode(out, &text, &options) {
+        Ok(_) => Ok(()),
+        Err(WriteError::Io(error)) => Err(error),
+        Err(error) => Err(std::io::Error::other(error)),
     })?;
     match args.json {
         true => console.result_to(None, &format!("{}\n", json(&written, &options))),

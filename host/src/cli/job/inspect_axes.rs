@@ -5,6 +5,7 @@ use crate::cli::error::CliError;
 use crate::cli::reading::job;
 use crate::cli::reading::job::Job;
 use crate::cli::terminal::console::Console;
+use crate::cli::terminal::result_kind::PICTURE;
 use crate::job::MotionState;
 use crate::plan::judge::axes_at::{AxesAt, MAP_SECTORS, Moment, axes_at};
 use crate::reach::Vector3;
@@ -27,6 +28,10 @@ pub(crate) fn run(args: &InspectArgs, at: &str, console: &Console) -> Result<(),
                 .to_string(),
         ));
     }
+    let picture = args.picture.as_ref();
+    let picture = picture
+        .map(|path| path.file(PICTURE, console))
+        .transpose()?;
     let job = job::read(&args.file)?;
     let axes = of_job(&job, tip_mm, time_s).ok_or_else(|| {
         CliError::Job(format!(
@@ -34,11 +39,11 @@ pub(crate) fn run(args: &InspectArgs, at: &str, console: &Console) -> Result<(),
             args.file.display()
         ))
     })?;
-    if let Some(path) = &args.picture {
+    if let Some(file) = &picture {
         let [x, y, z] = tip_mm;
         let title = format!("free tool axes, tip at ({x}, {y}, {z}) mm after {time_s} s");
         let picture = axes_picture::draw(&title, &axes.map, MAP_SECTORS, &marks(&axes));
-        console.result_to(Some(path), &picture)?;
+        file.write(picture.as_bytes())?;
     }
     match args.json {
         true => console.result(&format!("{:#}\n", to_json(&axes, tip_mm, time_s))),

@@ -6,9 +6,8 @@ use crate::cli::plan::planned;
 use crate::cli::plan::verdict;
 use crate::cli::reading::job;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::{
-    check_file, check_report_folder, write_file_with, write_folder,
-};
+use crate::cli::terminal::output_file::{OutputFile, OutputPath, ReportFolder};
+use crate::cli::terminal::result_kind::TABLE;
 use crate::drive::dry_run::{DryRun, dry_run};
 use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
@@ -35,12 +34,11 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
             .map_err(|error| CliError::Usage(format!("--{error}")))?,
         None => LinkSpec::default(),
     };
-    for file in [&args.trace, &args.trace_steps].into_iter().flatten() {
-        check_file(file)?;
-    }
-    if let Some(folder) = &args.report {
-        check_report_folder(folder)?;
-    }
+    let table = |path: &Option<OutputPath>| path.as_ref().map(|path| path.file(TABLE, console));
+    let poses = table(&args.trace).transpose()?;
+    let steps = table(&args.trace_steps).transpose()?;
+    let report = args.report.as_ref().map(|folder| folder.report(console));
+    let report = report.transpose()?;
     if !args.verdict.figures {
         console.show_few_notes();
     }
@@ -77,8 +75,8 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         verdict::compare(&args.verdict, &args.settings, other, &mut planned.figures)?;
     }
     settle(&mut planned);
-    write_traces(args, &planned, &dry_run)?;
-    if let Some(folder) = &args.report {
+    write_traces(&poses, &steps, &planned, &dry_run)?;
+    if let Some(folder) = &report {
         write_report(folder, &planned, console)?;
     }
     if args.json {
@@ -177,11 +175,16 @@ pub(crate) fn of_no_use(
     })
 }
 
-fn write_traces(args: &SimulateArgs, planned: &Planned, dry_run: &DryRun) -> Result<(), CliError> {
+fn write_traces(
+    poses: &Option<OutputFile>,
+    steps: &Option<OutputFile>,
+    planned: &Planned,
+    dry_run: &DryRun,
+) -> Result<(), CliError> {
     let machine = &planned.settings.machine;
     let record = &dry_run.simulation.motion;
-    if let Some(path) = &args.trace {
-        write_file_with(path, |mut out| {
+    if let Some(file) = poses {
+        file.write_with(|mut out| {
             trace_table::write_poses(
                 &mut out,
                 &planned.stream,
@@ -192,17 +195,15 @@ fn write_traces(args: &SimulateArgs, planned: &Planned, dry_run: &DryRun) -> Res
             )
         })?;
     }
-    if let Some(path) = &args.trace_steps {
-        write_file_with(path, |mut out| {
-            trace_table::write_steps(&mut out, machine, record)
-        })?;
+    if let Some(file) = steps {
+        file.write_with(|mut out| trace_table::write_steps(&mut out, machine, record))?;
     }
     Ok(())
 }
 
 /// Writes the report's files, the page last.
 pub(crate) fn write_report(
-    folder: &Path,
+    folder: &ReportFolder,
     planned: &Planned,
     console: &Console,
 ) -> Result<(), CliError> {
@@ -212,8 +213,8 @@ pub(crate) fn write_report(
         .iter()
         .map(|file| (file.name.as_str(), file.text.as_str()))
         .collect();
-    write_folder(folder, &files)?;
+    folder.write(&files)?;
     bar.finish_and_clear();
-    console.say(&format!("report: {}", folder.join("index.html").display()));
+    console.say(&format!("report: {}", folder.page().display()));
     Ok(())
 }

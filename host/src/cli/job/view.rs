@@ -6,14 +6,14 @@ use crate::cli::job::simulate::{of_no_use, write_report};
 use crate::cli::plan::planned;
 use crate::cli::reading::job;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::check_report_folder;
 use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::page::with_times;
 use std::path::PathBuf;
 
 pub(crate) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
-    let folder = args.report.clone().unwrap_or_else(|| beside(args));
-    check_report_folder(&folder)?;
+    let report = args.report.clone();
+    let folder = report.unwrap_or_else(|| beside(args).into());
+    let folder = folder.report(console)?;
     let mut planned = if job::is_job(&args.input) {
         let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
         console.notes(unused.as_slice());
@@ -32,7 +32,7 @@ pub(crate) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
     with_times(&mut planned);
     settle(&mut planned);
     write_report(&folder, &planned, console)?;
-    let page = folder.join("index.html");
+    let page = folder.page();
     if !args.no_open
         && let Err(error) = open::that_detached(&page)
     {

@@ -14,7 +14,8 @@ use crate::cli::plan::planned;
 use crate::cli::plan::write_job;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::{check_file, nameless_file, write_file};
+use crate::cli::terminal::output_file::{OutputFile, OutputPath};
+use crate::cli::terminal::result_kind::{MACHINE, PATTERN};
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::pipeline::packing::JobPacking;
@@ -58,14 +59,14 @@ pub(crate) fn run(args: &CalibrateArgs, console: &Console) -> Result<(), CliErro
     };
     let drawn = pattern(kind, &asked, &settings).map_err(pattern_error)?;
     let named = PathBuf::from(format!("{}.hwj", drawn.kind.name()));
-    let output = args.output.clone().unwrap_or(named);
-    let files: Vec<PathBuf> = drawn.jobs.iter().map(|job| file_of(&output, job)).collect();
-    for file in &files {
-        check_file(file)?;
+    let output = args.output.clone().unwrap_or(named.into());
+    let mut files = Vec::new();
+    for job in &drawn.jobs {
+        files.push(Files::of(output.name(), job, console)?);
     }
     let mut written = Vec::new();
-    for (job, file) in drawn.jobs.iter().zip(files) {
-        written.push(write(job, file, &args.allow, console)?);
+    for (job, files) in drawn.jobs.iter().zip(files) {
+        written.push(write(job, files, &args.allow, console)?);
     }
     if args.json {
         return console.result(&format!("{:#}\n", as_json(&drawn, &written)));
@@ -81,9 +82,10 @@ fn shake(
     console: &Console,
 ) -> Result<(), CliError> {
     let (swept, read, change) = resonance(asked, &settings).map_err(pattern_error)?;
-    let file = args.output.clone().unwrap_or("resonance.hwj".into());
-    check_file(&file)?;
-    let packing = JobPacking::new(nameless_file(&file)?);
+    let named = || OutputPath::from(PathBuf::from("resonance.hwj"));
+    let output = args.output.clone().unwrap_or_else(named);
+    let file = output.file(PATTERN, console)?;
+    let packing = JobPacking::new(file.nameless()?);
     let planned = Planned {
         name: "resonance".to_string(),
         transform: PartTransform {
@@ -99,7 +101,7 @@ fn shake(
     };
     let (_, is_written) = write_job(planned, packing, &args.allow, &file, console)?;
     is_written?;
-    let file = file.display().to_string();
+    let file = file.path().display().to_string();
     if !args.json {
         return console.result(&shaken_text(&swept, &file, &read, change));
     }
@@ -172,26 +174,49 @@ fn file_of(output: &Path, job: &PatternJob) -> PathBuf {
     output.with_file_name(format!("{stem}-{value:.4}.{}", ending.to_string_lossy()))
 }
 
+/// What is written of a job: its file, and a machine file with its text where it is one of several.
+struct Files {
+    job: OutputFile,
+    machine: Option<(OutputFile, String)>,
+}
+
+impl Files {
+    fn of(output: &Path, job: &PatternJob, console: &Console) -> Result<Files, CliError> {
+        let path = file_of(output, job);
+        let beside = path.with_extension("toml");
+        let machine = |_| {
+            let file = OutputPath::from(beside).file(MACHINE, console)?;
+            let text = machine_file::to_toml(&job.settings);
+            file.check_kept(text.as_bytes())?;
+            Ok((file, text))
+        };
+        Ok(Files {
+            job: OutputPath::from(path).file(PATTERN, console)?,
+            machine: job.value.map(machine).transpose()?,
+        })
+    }
+}
+
 fn write(
     job: &PatternJob,
-    file: PathBuf,
+    files: Files,
     allow: &AllowArgs,
     console: &Console,
 ) -> Result<Written, CliError> {
-    let packing = JobPacking::new(nameless_file(&file)?);
-    let planned = planned::from_run(job.run.clone(), job.settings.clone(), &file, console)?;
-    let (planned, is_written) = write_job(planned, packing, allow, &file, console)?;
+    let packing = JobPacking::new(files.job.nameless()?);
+    let (run, path) = (job.run.clone(), files.job.path());
+    let planned = planned::from_run(run, job.settings.clone(), path, console)?;
+    let (planned, is_written) = write_job(planned, packing, allow, &files.job, console)?;
     is_written?;
-    let machine_file = job.value.map(|_| file.with_extension("toml"));
-    if let Some(path) = &machine_file {
-        write_file(path, machine_file::to_toml(&job.settings).as_bytes())?;
+    if let Some((file, text)) = &files.machine {
+        file.write(text.as_bytes())?;
     }
     Ok(Written {
-        machine_file,
+        file: files.job.path().to_path_buf(),
+        machine_file: files.machine.map(|(file, _)| file.path().to_path_buf()),
         value: job.value,
         print_s: planned.figures.print_s,
         volume_mm3: volume_mm3(&planned.stream),
-        file,
     })
 }
 

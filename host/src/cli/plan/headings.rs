@@ -4,7 +4,7 @@ use crate::cli::args::HeadingsArgs;
 use crate::cli::error::CliError;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::check_file;
+use crate::cli::terminal::result_kind::TABLE;
 use crate::plan::headings::headings_table::{
     HeadingRow, HeadingsRequest, headings_table, write_csv,
 };
@@ -20,9 +20,9 @@ pub(crate) fn run(args: &HeadingsArgs, console: &Console) -> Result<(), CliError
             args.spacing
         )));
     }
-    if let Some(file) = &args.output {
-        check_file(file)?;
-    }
+    let output = args.output.as_ref();
+    let output = output.map(|output| output.file(TABLE, console));
+    let output = output.transpose()?;
     let settings = load::settings(&args.settings)?;
     let loaded = load::target(&args.input, &args.reading, &settings, console)?;
     let regions = &loaded.target.regions;
@@ -62,8 +62,8 @@ pub(crate) fn run(args: &HeadingsArgs, console: &Console) -> Result<(), CliError
         rows.len()
     );
     if args.json {
-        if let Some(output) = &args.output {
-            console.result_to(Some(output), &text)?;
+        if let Some(output) = &output {
+            output.write(text.as_bytes())?;
         }
         let object = json!({
             "name": loaded.target.name,
@@ -75,5 +75,5 @@ pub(crate) fn run(args: &HeadingsArgs, console: &Console) -> Result<(), CliError
         return console.result(&format!("{object:#}\n"));
     }
     console.say(&summary);
-    console.result_to(args.output.as_deref(), &text)
+    console.result_to(output.as_ref(), &text)
 }

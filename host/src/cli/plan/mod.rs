@@ -16,7 +16,8 @@ use crate::cli::args::allow::AllowArgs;
 use crate::cli::args::{PlanArgs, SettingsArgs};
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::{check_file, nameless_file, write_file_with};
+use crate::cli::terminal::output_file::OutputFile;
+use crate::cli::terminal::result_kind::JOB;
 use crate::job::spool::SpoolError;
 use crate::pipeline::findings::objections::Objection;
 use crate::pipeline::findings::settled_verdict::settle;
@@ -24,18 +25,17 @@ use crate::pipeline::packing::{JobFacts, JobPacking, job_header};
 use crate::pipeline::planned::Planned;
 use crate::settings::aperture_text::nozzle_text;
 use std::fs::File;
-use std::path::Path;
 
 pub(crate) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
     let Some(output) = &args.output else {
         return shards::run(args, console);
     };
-    check_file(output)?;
+    let output = output.file(JOB, console)?;
     if !args.verdict.figures {
         console.show_few_notes();
     }
     let (planned, job) = verdict::planned_as_allowed(&args.allow, |widened| {
-        let mut job = JobPacking::new(nameless_file(output)?);
+        let mut job = JobPacking::new(output.nameless()?);
         let planned = planned::from_input(
             &args.input,
             &args.reading,
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         )?;
         Ok((planned, job))
     })?;
-    let (mut planned, written) = write_job(planned, job, &args.allow, output, console)?;
+    let (mut planned, written) = write_job(planned, job, &args.allow, &output, console)?;
     let other = |settings: &SettingsArgs| {
         let (input, place) = (&args.input, &args.place);
         planned::from_input(input, &args.reading, place, settings, &[], None, console)
@@ -71,7 +71,7 @@ pub(crate) fn write_job(
     mut planned: Planned,
     mut job: JobPacking<File>,
     allow: &AllowArgs,
-    path: &Path,
+    output: &OutputFile,
     console: &Console,
 ) -> Result<(Planned, Result<(), CliError>), CliError> {
     let bar = console.stage("checking");
@@ -106,7 +106,7 @@ pub(crate) fn write_job(
     };
     let header = job_header(&facts, packed.frames.facts.clone());
     let mut length = 0;
-    write_file_with(path, |out| {
+    output.write_with(|out| {
         let written = packed.frames.write(&mut { out }, &header);
         length = written.map_err(std::io::Error::other)?;
         Ok(())
@@ -115,7 +115,7 @@ pub(crate) fn write_job(
         "{}: job of {} bytes written to {}",
         planned.name,
         length,
-        path.display()
+        output.path().display()
     ));
     console.say(&nozzle_text(&planned.settings.aperture));
     Ok((planned, Ok(())))

@@ -62,7 +62,11 @@ fn with_heading_axis(settings: &mut Settings, axis: HeadingAxis) {
 
 /// Reads and checks a machine file.
 pub(crate) fn machine(path: &Path) -> Result<Settings, CliError> {
-    let text = read_text(path)?;
+    machine_of(read_text(path)?, path)
+}
+
+/// Checks a machine file's text; `path` is its place.
+pub(crate) fn machine_of(text: String, path: &Path) -> Result<Settings, CliError> {
     let text = machine_with_polygon(text, path)?;
     machine_file::from_toml(&text)
         .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))

@@ -18,7 +18,8 @@ use crate::cli::stream::heat::{StreamHeat, pause_heat_max_min};
 use crate::cli::stream::problems::Problems;
 use crate::cli::stream::resume_from::Resumed;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::check_file;
+use crate::cli::terminal::output_file::OutputFile;
+use crate::cli::terminal::result_kind::LOG;
 use crate::drive::link_log::LinkLog;
 use crate::drive::log_place::UNWRITTEN;
 use crate::drive::patience::{Patience, Wait};
@@ -40,6 +41,8 @@ const HEAT_STATUS_MS: u16 = 50;
 const BAR_STEPS: f64 = 1000.0;
 
 pub(crate) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> {
+    let log = args.log.as_ref().map(|path| path.file(LOG, console));
+    let log = log.transpose()?;
     let whole = over_bed(job::read(&args.job)?, args.mesh.as_deref())?;
     let resumed = args.resume_from.as_ref();
     let resumed = resumed
@@ -47,15 +50,12 @@ pub(crate) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         .transpose()?;
     let job = resumed.as_ref().map_or(&whole, |rest| &rest.job);
     let heat = StreamHeat::of(args, job)?;
-    if let Some(path) = &args.log {
-        check_file(path)?;
-    }
     let live = args
         .view
         .then(|| live_page::open(job.clone(), args.view_port, args.no_open, console))
         .transpose()?;
     let operator = Operator::of_stream(&args.port, console, live);
-    let printed = print(args, job, heat, resumed.as_ref(), &operator);
+    let printed = print(args, job, heat, resumed.as_ref(), log.as_ref(), &operator);
     let is_done = printed.as_ref().is_ok_and(|printed| printed.result.is_ok());
     if is_done && args.end_heat.leave_hot {
         operator.hand_over_heaters();
@@ -104,6 +104,7 @@ fn print(
     job: &Job,
     heat: StreamHeat,
     resumed: Option<&Resumed>,
+    log: Option<&OutputFile>,
     operator: &Operator<'_>,
 ) -> Result<Printed, CliError> {
     let header = &job.file.header;
@@ -114,7 +115,7 @@ fn print(
     let setup = SenderSetup::of_job(header, host_session(), args.resume);
     let frames = job.file.frames.clone();
     operator.begin();
-    let log = log_file(args, &header.machine, resumed)?;
+    let log = log_file(log, &header.machine, resumed)?;
     let mut run = Run {
         timeline: Timeline::new(&job.stream, f64::from(header.machine.servo_hz)),
         operator,
@@ -177,11 +178,11 @@ pub(crate) fn give(
 
 /// The requested log.
 fn log_file(
-    args: &StreamArgs,
+    log: Option<&OutputFile>,
     machine: &MachineConfiguration,
     resumed: Option<&Resumed>,
 ) -> Result<Option<LinkLog>, CliError> {
-    let Some(path) = &args.log else {
+    let Some(path) = log.map(OutputFile::path) else {
         return Ok(None);
     };
     let file = SyncedFile::create(path, UNWRITTEN).map_err(|problem| CliError::File {

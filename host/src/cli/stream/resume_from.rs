@@ -46,15 +46,6 @@ pub(crate) struct Resumed {
 impl Resumed {
     /// Cuts a job by the options.
     pub(crate) fn of(place: &Place, args: &StreamArgs, job: &Job) -> Result<Resumed, CliError> {
-        if let Place::Log(path) = place
-            && args.log.as_ref() == Some(path)
-        {
-            return Err(CliError::Usage(
-                "--log: not onto the log that is resumed from, which is needed if power is lost again before the \
-                 first move"
-                    .to_string(),
-            ));
-        }
         let stream = &job.stream;
         check_switches(job, args.part_clear)?;
         let mut told = Vec::new();

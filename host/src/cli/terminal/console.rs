@@ -2,12 +2,12 @@
 //! only and never with `--quiet`.
 
 use crate::cli::error::CliError;
-use crate::cli::terminal::output_file::{write_file, write_file_with};
+use crate::cli::terminal::named_files::NamedFiles;
+use crate::cli::terminal::output_file::OutputFile;
 use crate::cli::terminal::printable::{message, printable};
 use crate::plan::progress::{Progress, Stage};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
-use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -18,18 +18,25 @@ pub(crate) struct Console {
     /// Notes that are still shown; later ones are only counted.
     notes_left: AtomicUsize,
     notes_hidden: AtomicUsize,
+    files: NamedFiles,
 }
 
 /// Notes that a terminal shows with a verdict.
 const NOTES_SHOWN: usize = 2;
 
 impl Console {
-    pub(crate) fn new(quiet: bool) -> Console {
+    pub(crate) fn new(quiet: bool, files: NamedFiles) -> Console {
         Console {
             bars: !quiet && std::io::stderr().is_terminal(),
             notes_left: AtomicUsize::new(usize::MAX),
             notes_hidden: AtomicUsize::new(0),
+            files,
         }
+    }
+
+    /// The files that the command names.
+    pub(crate) fn files(&self) -> &NamedFiles {
+        &self.files
     }
 
     /// Shows a few notes only, where a terminal shows them: whatever reads a pipe gets them all.
@@ -79,11 +86,11 @@ impl Console {
     /// The output of `write` to `output`, or to stdout if there is none, unbuffered.
     pub(crate) fn write_to(
         &self,
-        output: Option<&Path>,
+        output: Option<&OutputFile>,
         write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
     ) -> Result<(), CliError> {
-        if let Some(path) = output {
-            return write_file_with(path, write);
+        if let Some(file) = output {
+            return file.write_with(write);
         }
         let mut out = BufWriter::new(std::io::stdout().lock());
         let written = write(&mut out).and_then(|()| out.flush());
@@ -97,9 +104,13 @@ impl Console {
     }
 
     /// A result to `output`, or to stdout if there is none.
-    pub(crate) fn result_to(&self, output: Option<&Path>, text: &str) -> Result<(), CliError> {
+    pub(crate) fn result_to(
+        &self,
+        output: Option<&OutputFile>,
+        text: &str,
+    ) -> Result<(), CliError> {
         match output {
-            Some(path) => write_file(path, text.as_bytes()),
+            Some(file) => file.write(text.as_bytes()),
             None => self.result(text),
         }
     }

@@ -2,6 +2,8 @@
 //! that end it.
 
 pub(crate) mod console;
+pub(crate) mod named_files;
 pub(crate) mod output_file;
 pub(crate) mod printable;
+pub(crate) mod result_kind;
 pub(crate) mod signals;

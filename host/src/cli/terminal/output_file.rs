@@ -1,7 +1,9 @@
-//! Results to files: complete or not at all.
+//! Results to files: nothing of somebody's is lost, and a result is complete or not there at all.
 //!
-//! Output is written to a file in the same folder (`.NAME.xxxxxx.part`), synced to disk, and only then
-//! renamed, so that a full disk or the end of the program in mid-write destroys no existing file. A
+//! An output is checked before the work ([`OutputPath`]): it is neither read by the command nor another output
+//! of it, its folder is there and can be written, and it replaces nothing but an older result of its kind, anything
+//! else with `--force` only. Then it is written to a file in the same folder (`.NAME.xxxxxx.part`), synced to disk, and
+//! only then renamed, so that a full disk or the end of the program in mid-write destroys no existing file. A
 //! report's folder is written the same way; in an existing report, files replace those of the same
 //! names, `index.html` last, so that a report with that page is complete. Files of those names that
 //! are not from a report are not replaced, and the report is refused: a page contains its generator's
@@ -12,6 +14,9 @@
 //! A program that is killed leaves its `.part` file.
 
 use crate::cli::error::CliError;
+use crate::cli::terminal::console::Console;
+use crate::cli::terminal::named_files::parent;
+use crate::cli::terminal::result_kind::{HEAD_BYTES, ResultKind};
 use crate::report::page::PAGE_GENERATOR;
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
@@ -31,29 +36,154 @@ const REPORT_NAMES: [&str; 6] = [
     "motion.svg",
     "space.svg",
 ];
-/// Bytes at the start of a page in which its writer's mark is searched.
-const PAGE_HEAD_BYTES: u64 = 4096;
 
-/// Writes a file, or names the one that could not be written.
+/// A file or folder that a command writes, as it is named; it is written only once it is checked.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct OutputPath(PathBuf);
+
+impl From<OsString> for OutputPath {
+    fn from(name: OsString) -> OutputPath {
+        OutputPath(name.into())
+    }
+}
+
+impl From<PathBuf> for OutputPath {
+    fn from(path: PathBuf) -> OutputPath {
+        OutputPath(path)
+    }
+}
+
+/// A file that may be written.
+#[derive(Clone, Debug)]
+pub(crate) struct OutputFile {
+    path: PathBuf,
+    kind: ResultKind,
+    force: bool,
+}
+
+impl OutputPath {
+    /// The name, for others that are made from it.
+    pub(crate) fn name(&self) -> &Path {
+        &self.0
+    }
+
+    /// Says before the work, not after it, that a file cannot or must not be written there. Existing files are
+    /// unchanged, and no temporary file remains.
+    pub(crate) fn file(&self, kind: ResultKind, console: &Console) -> Result<OutputFile, CliError> {
+        let (path, files) = (&self.0, console.files());
+        let file = OutputFile {
+            path: path.clone(),
+            kind,
+            force: files.force,
+        };
+        // Looking would disturb a stream.
+        if !is_stream(path) {
+            files.claim(path)?;
+            check_file(path)?;
+            let other = |head: Vec<u8>| !head.is_empty() && !(kind.is_one)(&head);
+            if !file.force && path.exists() && head_of(path).is_none_or(other) {
+                return Err(file.not_replaced(&format!("is not {}", kind.name)));
+            }
+        }
+        Ok(file)
+    }
+
+    /// The same for a report's folder, which is made if it is missing: an existing one must be a report.
+    pub(crate) fn report(&self, console: &Console) -> Result<ReportFolder, CliError> {
+        let (folder, files) = (&self.0, console.files());
+        check_folder(folder)?;
+        files.claim(folder)?;
+        let layers = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        let layers = layers.filter_map(|entry| entry.file_name().into_string().ok());
+        let layers: Vec<String> = layers.filter(|name| name.contains("-layer-")).collect();
+        for name in REPORT_NAMES
+            .into_iter()
+            .chain(layers.iter().map(String::as_str))
+        {
+            files.claim(&folder.join(name))?;
+        }
+        let report = ReportFolder {
+            folder: folder.clone(),
+            force: files.force,
+        };
+        report.check_replaceable(REPORT_NAMES.into_iter())?;
+        Ok(report)
+    }
+}
+
+impl OutputFile {
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes it, or says why not.
+    pub(crate) fn write(&self, bytes: &[u8]) -> Result<(), CliError> {
+        self.write_with(|out| out.write_all(bytes))
+    }
+
+    /// Writes what `write` makes.
+    pub(crate) fn write_with(
+        &self,
+        write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+    ) -> Result<(), CliError> {
+        let written = write_whole(&self.path, write, |part| {
+            self.keeps_other(|| std::fs::read(part).ok())
+        });
+        match written.map_err(|problem| file_error(&self.path, problem))? {
+            true => Ok(()),
+            false => Err(self.not_replaced("has other contents")),
+        }
+    }
+
+    /// Says before the work that these bytes would replace others that are kept.
+    pub(crate) fn check_kept(&self, bytes: &[u8]) -> Result<(), CliError> {
+        match !is_stream(&self.path) && self.keeps_other(|| Some(bytes.to_vec())) {
+            true => Err(self.not_replaced("has other contents")),
+            false => Ok(()),
+        }
+    }
+
+    /// True where the file is there, is kept, and is not this.
+    fn keeps_other(&self, new: impl FnOnce() -> Option<Vec<u8>>) -> bool {
+        let is_kept = self.kind.is_kept && !self.force;
+        let there = std::fs::read(&self.path).ok().filter(|_| is_kept);
+        there.is_some_and(|there| !there.is_empty() && Some(there) != new())
+    }
+
+    fn not_replaced(&self, why: &str) -> CliError {
+        CliError::Usage(format!(
+            "{}: {why}, so it is not replaced; name another file, or replace it with --force",
+            self.path.display()
+        ))
+    }
+
+    /// A file without a name near it, which is gone with the program.
+    pub(crate) fn nameless(&self) -> Result<File, CliError> {
+        let file = match is_stream(&self.path) {
+            true => tempfile::tempfile(),
+            false => place_of(&self.path).and_then(|place| tempfile::tempfile_in(parent(&place))),
+        };
+        file.map_err(|problem| file_error(&self.path, problem))
+    }
+}
+
+/// Writes a file that is the command's own by its name, or names the one that could not be written.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    write_file_with(path, |out| out.write_all(bytes))
+    let written = write_whole(path, |out| out.write_all(bytes), |_| false);
+    written
+        .map(drop)
+        .map_err(|problem| file_error(path, problem))
 }
 
-/// Writes what `write` makes to a file.
-pub(crate) fn write_file_with(
-    path: &Path,
-    write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-) -> Result<(), CliError> {
-    write_whole(path, write).map_err(|problem| file_error(path, problem))
-}
-
+/// False, and nothing is changed, if the file keeps its contents rather than those of the part that was written.
 fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-) -> std::io::Result<()> {
+    keeps: impl FnOnce(&Path) -> bool,
+) -> std::io::Result<bool> {
     if is_stream(path) {
         let mut out = BufWriter::new(OpenOptions::new().write(true).open(path)?);
-        return write(&mut out).and_then(|()| out.flush());
+        return write(&mut out).and_then(|()| out.flush()).map(|()| true);
     }
     let place = place_of(path)?;
     let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
@@ -61,16 +191,10 @@ fn write_whole(
     let mut out = BufWriter::new(part.as_file_mut());
     write(&mut out).and_then(|()| out.flush())?;
     drop(out);
-    put(part, &place)
-}
-
-/// A file without a name near `path`, which is gone with the program.
-pub(crate) fn nameless_file(path: &Path) -> Result<File, CliError> {
-    let file = match is_stream(path) {
-        true => tempfile::tempfile(),
-        false => place_of(path).and_then(|place| tempfile::tempfile_in(parent(&place))),
-    };
-    file.map_err(|problem| file_error(path, problem))
+    if keeps(part.path()) {
+        return Ok(false);
+    }
+    put(part, &place).map(|()| true)
 }
 
 /// Held while a file is written: the program ends only after that.
@@ -101,16 +225,26 @@ fn put(part: NamedTempFile, place: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Says before the work, not after it, that a file cannot be written there. Existing files are
-/// unchanged, and no temporary file remains.
+/// Says that a file cannot be written there.
 pub(crate) fn check_file(path: &Path) -> Result<(), CliError> {
-    if is_stream(path) {
-        // Looking would disturb it.
-        return Ok(());
+    let named = path.display();
+    let told = |what: String| Err(CliError::Job(format!("{named}: {what}")));
+    if path.is_dir() {
+        return told("is a directory; name a file in it".to_string());
+    }
+    if path.is_symlink() && !path.exists() {
+        return told("is a link to a file that is not there; name that file".to_string());
+    }
+    let folder = parent(path);
+    if !folder.is_dir() {
+        let folder = folder.display();
+        return told(format!(
+            "there is no folder {folder}; make it, or name another one"
+        ));
     }
     let check = || {
         if path.exists() {
-            // A folder, or a file that is kept from being written.
+            // A file that is kept from being written.
             OpenOptions::new().append(true).open(path)?;
         }
         part_beside(&place_of(path)?).map(drop)
@@ -130,44 +264,55 @@ pub(crate) fn check_folder(path: &Path) -> Result<(), CliError> {
     }
 }
 
-/// The same for a report's folder: an existing one must be a report.
-pub(crate) fn check_report_folder(path: &Path) -> Result<(), CliError> {
-    check_folder(path)?;
-    check_replaceable(path, REPORT_NAMES.into_iter())
-}
-
-/// Refuses to replace files of a folder that has no report's page.
-fn check_replaceable<'a>(
-    folder: &Path,
-    mut names: impl Iterator<Item = &'a str>,
-) -> Result<(), CliError> {
-    if is_report_page(&folder.join(REPORT_PAGE)) {
-        return Ok(());
-    }
-    // A dangling link is not replaced either.
-    let is_there = |name: &&str| folder.join(name).symlink_metadata().is_ok();
-    names.find(is_there).map_or(Ok(()), |name| {
-        Err(CliError::Job(format!(
-            "{}: is not part of a report of headway, so it is not replaced; name another folder for the \
-             report, or move that file away",
-            folder.join(name).display()
-        )))
-    })
+/// The start of a file; `None` if it cannot be read.
+fn head_of(path: &Path) -> Option<Vec<u8>> {
+    let mut head = Vec::new();
+    let read = |file: File| file.take(HEAD_BYTES).read_to_end(&mut head);
+    File::open(path).and_then(read).ok().map(|_| head)
 }
 
 /// A page that a report wrote.
 fn is_report_page(page: &Path) -> bool {
-    let mut head = Vec::new();
-    let read = |file: File| file.take(PAGE_HEAD_BYTES).read_to_end(&mut head);
-    page.is_file()
-        && File::open(page).and_then(read).is_ok()
-        && String::from_utf8_lossy(&head).contains(PAGE_GENERATOR)
+    let head = page.is_file().then(|| head_of(page)).flatten();
+    head.is_some_and(|head| String::from_utf8_lossy(&head).contains(PAGE_GENERATOR))
 }
 
-/// Writes a report's files, names with their texts, into its folder.
-pub(crate) fn write_folder(folder: &Path, files: &[(&str, &str)]) -> Result<(), CliError> {
-    check_replaceable(folder, files.iter().map(|(name, _)| *name))?;
-    write_whole_folder(folder, files).map_err(|problem| file_error(folder, problem))
+/// A folder to which a report may be written.
+#[derive(Clone, Debug)]
+pub(crate) struct ReportFolder {
+    folder: PathBuf,
+    force: bool,
+}
+
+impl ReportFolder {
+    pub(crate) fn page(&self) -> PathBuf {
+        self.folder.join(REPORT_PAGE)
+    }
+
+    /// Refuses to replace files of a folder that has no report's page.
+    fn check_replaceable<'a>(
+        &self,
+        mut names: impl Iterator<Item = &'a str>,
+    ) -> Result<(), CliError> {
+        if self.force || is_report_page(&self.page()) {
+            return Ok(());
+        }
+        // A dangling link is not replaced either.
+        let is_there = |name: &&str| self.folder.join(name).symlink_metadata().is_ok();
+        names.find(is_there).map_or(Ok(()), |name| {
+            Err(CliError::Usage(format!(
+                "{}: is not part of a report of headway, so it is not replaced; name another folder for the \
+                 report, move that file away, or replace it with --force",
+                self.folder.join(name).display()
+            )))
+        })
+    }
+
+    /// Writes a report's files, names with their texts.
+    pub(crate) fn write(&self, files: &[(&str, &str)]) -> Result<(), CliError> {
+        self.check_replaceable(files.iter().map(|(name, _)| *name))?;
+        write_whole_folder(&self.folder, files).map_err(|problem| file_error(&self.folder, problem))
+    }
 }
 
 fn write_whole_folder(folder: &Path, files: &[(&str, &str)]) -> std::io::Result<()> {
@@ -258,13 +403,6 @@ fn part_prefix(name: Option<&OsStr>) -> OsString {
     prefix
 }
 
-fn parent(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    }
-}
-
 /// A pipe, a device, a socket: nothing that is replaced.
 fn is_stream(path: &Path) -> bool {
     path.exists() && !path.is_file() && !path.is_dir()
@@ -280,6 +418,17 @@ fn file_error(path: &Path, problem: Error) -> CliError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::terminal::named_files::NamedFiles;
+    use crate::cli::terminal::result_kind::JOB;
+    use crate::job::file::MAGIC;
+
+    fn console() -> Console {
+        Console::new(true, NamedFiles::default())
+    }
+
+    fn report_of(folder: &Path) -> Result<ReportFolder, CliError> {
+        OutputPath::from(folder.to_path_buf()).report(&console())
+    }
 
     fn names(folder: &Path) -> Vec<String> {
         let entries = std::fs::read_dir(folder).unwrap();
@@ -300,12 +449,16 @@ mod tests {
             out.write_all(&[7; 100_000])?;
             Err(Error::from(ErrorKind::StorageFull))
         };
-        assert!(write_file_with(&path, fails).is_err());
+        let output = || {
+            OutputPath::from(path.clone())
+                .file(JOB, &console())
+                .unwrap()
+        };
+        assert!(output().write_with(fails).is_err());
         assert_eq!(names(folder.path()), [] as [&str; 0]);
-        write_file(&path, b"good").unwrap();
-        assert!(write_file_with(&path, fails).is_err());
-        check_file(&path).unwrap();
-        assert_eq!(std::fs::read(&path).unwrap(), b"good");
+        output().write(MAGIC).unwrap();
+        assert!(output().write_with(fails).is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), MAGIC);
         assert_eq!(names(folder.path()), ["job"]);
     }
 
@@ -330,7 +483,8 @@ mod tests {
             (b"two".to_vec(), 0o640)
         );
         let report = folder.path().join("deep").join("report");
-        write_folder(&report, &[("index.html", PAGE_GENERATOR)]).unwrap();
+        let new = report_of(&report).unwrap();
+        new.write(&[("index.html", PAGE_GENERATOR)]).unwrap();
         assert_eq!(mode(&report), mode(&folder.path().join("deep")));
     }
 
@@ -345,10 +499,10 @@ mod tests {
         fn files(text: &str) -> [(&str, &str); 3] {
             ["report.json", "plan.svg", "index.html"].map(|name| (name, text))
         }
-        write_folder(&report, &files(&one)).unwrap();
+        let write = |folder: &Path, files: &[(&str, &str)]| report_of(folder)?.write(files);
+        write(&report, &files(&one)).unwrap();
         std::fs::write(report.join("mine"), "mine").unwrap();
-        check_report_folder(&report).unwrap();
-        write_folder(&report, &files(&two)).unwrap();
+        write(&report, &files(&two)).unwrap();
         assert_eq!(
             names(&report),
             ["index.html", "mine", "plan.svg", "report.json"]
@@ -360,13 +514,13 @@ mod tests {
         // A folder in the way of a picture: no page says that there is a report.
         std::fs::remove_file(report.join("plan.svg")).unwrap();
         std::fs::create_dir_all(report.join("plan.svg").join("full")).unwrap();
-        assert!(write_folder(&report, &files(&three)).is_err());
+        assert!(write(&report, &files(&three)).is_err());
         assert_eq!(names(&report), ["mine", "plan.svg", "report.json"]);
         // If even the temporary file cannot be written, the old report is unchanged.
         let bad = [("index.html", "four"), ("no/such/folder", "four")];
         let other = folder.path().join("other");
-        write_folder(&other, &files(&one)).unwrap();
-        assert!(write_folder(&other, &bad).is_err());
+        write(&other, &files(&one)).unwrap();
+        assert!(write(&other, &bad).is_err());
         assert_eq!(
             std::fs::read_to_string(other.join("index.html")).unwrap(),
             one
@@ -386,8 +540,8 @@ mod tests {
             std::fs::write(site.join(name), "mine").unwrap();
             let told = match name {
                 // Layers are not known before the plan.
-                "plan-layer-5.svg" => write_folder(&site, &files),
-                _ => check_report_folder(&site),
+                "plan-layer-5.svg" => report_of(&site).unwrap().write(&files),
+                _ => report_of(&site).map(drop),
             };
             let told = told.unwrap_err().to_string();
             assert!(
@@ -400,8 +554,7 @@ mod tests {
         let own = folder.path().join("own");
         std::fs::create_dir(&own).unwrap();
         std::fs::write(own.join("notes.txt"), "mine").unwrap();
-        check_report_folder(&own).unwrap();
-        write_folder(&own, &files).unwrap();
+        report_of(&own).unwrap().write(&files).unwrap();
         assert_eq!(names(&own).len(), 3);
     }
 }

@@ -5,6 +5,7 @@ mod command;
 mod guide;
 mod jobs;
 mod joints;
+mod kept_files;
 mod outputs;
 mod shell;
 mod verdict;
