@@ -16,6 +16,7 @@ mod surface;
 pub use file::{BedMeshFileError, from_toml, to_toml};
 
 use crate::job::SegmentStream;
+use crate::settings::joint_names;
 use crate::text::short_number::Short;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::path::load::{LoadModel, SpanFault};
@@ -81,21 +82,29 @@ pub enum BedMeshError {
         fade_mm: [f64; 2],
     },
     /// A joint cannot follow.
-    #[error("over this bed, {} s into the job: {}", Short(*at_s), fault_text(fault))]
+    #[error("over this bed, {} s into the job: {}", Short(*at_s), fault_text(fault, *joint))]
     Span {
         /// Start of the span in the job.
         at_s: f64,
         /// The board's refusal.
         fault: SpanFault,
+        /// Name of the joint that it counts, and whether that turns.
+        joint: (&'static str, bool),
     },
 }
 
-fn fault_text(fault: &SpanFault) -> String {
+fn fault_text(fault: &SpanFault, (name, is_rotary): (&'static str, bool)) -> String {
     match fault {
-        SpanFault::SoftLimit(joint, units) => format!(
-            "joint {joint} would be at {} (mm or rad), out of its range; is Z 0 where the nozzle touches the bed?",
-            Short(f64::from(*units) * if *joint < 3 { 1e-4 } else { 1e-6 })
-        ),
+        SpanFault::SoftLimit(_, units) => {
+            let (at, unit) = match is_rotary {
+                true => ((f64::from(*units) * 1e-6).to_degrees(), "°"),
+                false => (f64::from(*units) * 1e-4, " mm"),
+            };
+            format!(
+                "joint {name} would be at {:.3}{unit}, out of its range; is Z 0 where the nozzle touches the bed?",
+                at
+            )
+        }
         SpanFault::Limit(motor, permille) => format!(
             "motor {motor} would need {} times its limit; plan the job slower, or level the bed",
             Short(f64::from(*permille) * 1e-3)
@@ -163,12 +172,22 @@ fn check(stream: &SegmentStream, machine: &MachineConfiguration) -> Result<(), B
     let mut window = SpanWindow::at_rest(&stream.start);
     let mut winding = loads.winding_at(&stream.start);
     let mut ticks = 0u64;
+    let joint = |fault: &SpanFault| match fault {
+        SpanFault::SoftLimit(joint, _) => {
+            let joint = usize::from(*joint);
+            let name = joint_names(&machine.kinematics).get(joint);
+            let is_rotary = machine.joints.get(joint).is_some_and(|joint| joint.rotary);
+            (name.copied().unwrap_or_default(), is_rotary)
+        }
+        _ => ("", false),
+    };
     for knot in &stream.knots {
         window.push(knot);
         loads
             .of_span(&window, &mut winding)
             .map_err(|fault| BedMeshError::Span {
                 at_s: ticks as f64 / f64::from(machine.servo_hz),
+                joint: joint(&fault),
                 fault,
             })?;
         ticks += u64::from(window.duration_ticks());

@@ -244,10 +244,17 @@ fn a_job_that_cannot_follow_is_refused_with_the_place() {
     assert!(
         matches!(
             refused,
-            BedMeshError::Span { at_s, fault: SpanFault::SoftLimit(2, _) } if at_s < 1.0
+            BedMeshError::Span { at_s, fault: SpanFault::SoftLimit(2, _), joint: ("z", false) } if at_s < 1.0
         ),
         "{refused}"
     );
+    assert!(
+        refused.to_string().contains("joint z would be at -"),
+        "{refused}"
+    );
+    // The third joint of an arm is an angle.
+    let elbow = super::fault_text(&SpanFault::SoftLimit(2, 1_570_796), ("j3", true));
+    assert!(elbow.contains("joint j3 would be at 90.000°"), "{elbow}");
     // Ripples that Z cannot follow; the blend would allow them.
     let mut rippled = mesh([64, 64], |x, y| 3.0 * (x * 1.1).sin() * (y * 0.9).cos());
     rippled.fade_height_mm = 200.0;

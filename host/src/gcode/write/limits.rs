@@ -1,10 +1,13 @@
 //! Limits of a controller's axes: what its own planner is to be told.
 //!
 //! In: a machine. Out: speeds and accelerations of X Y Z (mm), A B C (degrees) and the extruder (mm of filament), a second.
-//! The joints of tables and arms are not axes of a controller one by one: tilts take those that tilt, and what a machine
-//! has no joint for is the built-in machine's.
+//! Joints are axes by their names: tilts take those that tilt, and what a machine has no joint for, as an arm for X Y Z, is
+//! the built-in machine's.
 
-use headway_firmware::configuration::{Kinematics, MachineConfiguration};
+use crate::settings::joint_names;
+use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::kinematics::joint_channels;
+use headway_protocol::units::CHANNEL_HEADING;
 
 /// Axes: X Y Z, A B C, the extruder.
 pub const AXES: usize = 7;
@@ -40,16 +43,16 @@ impl AxisLimits {
 
     /// Of a machine, with filament of a cross-section.
     pub fn of_machine(machine: &MachineConfiguration, filament_mm2: f64) -> AxisLimits {
-        // Joints of the axes X Y Z A B C.
-        let joints: [Option<usize>; 6] = match machine.kinematics {
-            Kinematics::Planar => [Some(0), Some(1), Some(2), None, None, Some(3)],
-            Kinematics::Gantry { .. } => [0, 1, 2, 3, 4, 5].map(Some),
-            Kinematics::Trunnion { .. } => [0, 1, 2, 3, 4, 5].map(|axis| match axis {
-                4 => Some(3),
-                axis => Some(axis),
-            }),
-            Kinematics::Arm6 { .. } | Kinematics::Axes { .. } => [None; 6],
-        };
+        let kinematics = &machine.kinematics;
+        let names = joint_names(kinematics);
+        let number = |name: &str| names.iter().position(|own| *own == name);
+        let [x, y, z, a, b] = ["x", "y", "z", "a", "b"].map(number);
+        let channels = joint_channels(kinematics).iter();
+        let heading = channels
+            .copied()
+            .position(|channel| channel == Some(CHANNEL_HEADING));
+        // X of a polar table is a radius.
+        let joints = [y.and(x), y, z, a.or(b), b.or(a), heading];
         let mut limits = AxisLimits::BUILT_IN;
         for (axis, joint) in joints.into_iter().enumerate() {
             let Some(joint) = joint.and_then(|joint| machine.joints.get(joint)) else {
@@ -104,6 +107,40 @@ impl AxisLimits {
 mod tests {
     use super::*;
     use crate::settings::Settings;
+    use crate::settings::examples::MachineExample;
+    use crate::settings::machine_file::from_toml;
+
+    /// Goal: every axis has its own joint's limits, whatever their number. Method: speeds of X Y Z and the heading by joints'
+    /// names on all machines; an arm has the built-in X Y Z, and its nozzle's joint for the heading.
+    #[test]
+    fn axes_are_joints_by_name() {
+        let files = MachineExample::ALL.map(|file| from_toml(file.text()).expect("a machine"));
+        let machines = [Settings::planar(), Settings::gantry()].into_iter();
+        for settings in machines.chain(files) {
+            let limits = AxisLimits::of_machine(&settings.machine, 2.405);
+            let names = joint_names(&settings.machine.kinematics).iter();
+            let joints = names.zip(&settings.machine.joints);
+            let own = |name: &str| {
+                let joint = joints.clone().find(|(own, _)| **own == name);
+                joint.map(|(_, joint)| joint.speed_max)
+            };
+            for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+                // X of a polar table is a radius.
+                let is_axis = own("y").is_some() || name == "z";
+                let speed = own(name)
+                    .filter(|_| is_axis)
+                    .unwrap_or(AxisLimits::BUILT_IN.speed[axis]);
+                assert_eq!(
+                    limits.speed[axis], speed,
+                    "{} {name}",
+                    settings.machine_name
+                );
+            }
+            if let Some(heading) = settings.heading_joint() {
+                assert_eq!(limits.speed[HEADING], heading.speed_max.to_degrees());
+            }
+        }
+    }
 
     /// Goal: a machine's joints are the axes' limits, angles in degrees. Method: the built-in machine.
     #[test]
