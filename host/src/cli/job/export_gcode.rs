@@ -79,7 +79,7 @@ pub(crate) fn run(
 
 /// The figures: lengths of time in seconds.
 fn json(written: &Written, options: &WriteOptions) -> serde_json::Value {
-    serde_json::json!({
+    let mut figures = serde_json::json!({
         "dialect": options.dialect.name(),
         "moves": written.moves,
         "arcs": written.arcs,
@@ -89,7 +89,14 @@ fn json(written: &Written, options: &WriteOptions) -> serde_json::Value {
         "controller_time_s": written.controller_time_s,
         "limited_by": written.slowed_by.map(SlowedBy::text),
         "needs": options.dialect.needs(),
-    })
+    });
+    for (name, values) in written.demands.settings(options.dialect) {
+        figures[name] = match values.as_slice() {
+            [value] => (*value).into(),
+            values => values.into(),
+        };
+    }
+    figures
 }
 
 fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
@@ -190,6 +197,7 @@ fn notes(written: &Written, options: &WriteOptions) -> Vec<String> {
             options.dialect.needs()
         ),
     ];
+    notes.extend(written.demands.note(options.dialect));
     if written.moves_a_second > most {
         notes.push(format!(
             "more than the {most} moves a second that {} is trusted with: raise --line-tolerance, or lower \

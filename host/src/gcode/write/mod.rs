@@ -12,6 +12,7 @@
 
 pub mod arc_moves;
 pub mod controller_time;
+pub mod demands;
 pub mod dialect;
 mod ends;
 mod heat;
@@ -25,6 +26,7 @@ pub mod template;
 use crate::job::heat::{HeatEvent, ended};
 use crate::job::{MotionState, SegmentStream};
 use controller_time::{ControllerTime, SlowedBy};
+use demands::Demands;
 use dialect::{ArcsWritten, Dialect, Retraction};
 use headway_firmware::kinematics::pose::Pose;
 use headway_protocol::segment::FlowAction;
@@ -121,6 +123,8 @@ pub struct Written {
     pub controller_time_s: f64,
     /// What slows the most of its moves down.
     pub slowed_by: Option<SlowedBy>,
+    /// What they ask of its checks.
+    pub demands: Demands,
 }
 
 /// Why nothing is written.
@@ -376,6 +380,7 @@ impl<W: Write> Writer<'_, W> {
             return String::new();
         }
         self.e_units = units;
+        self.written.demands.extruder_at(units as f64 * 1e-5);
         let number = match self.options.dialect.is_machine_tool() {
             true => units,
             false => units - before,

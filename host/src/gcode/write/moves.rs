@@ -127,6 +127,9 @@ impl<W: Write> Writer<'_, W> {
         by[3..EXTRUDER].copy_from_slice(&turned);
         by[EXTRUDER] = (self.e_units - e_before) as f64 * 1e-5;
         self.time.add(by, way_mm, seconds);
+        let area_mm2 = self.filament_mm2();
+        let demands = &mut self.written.demands;
+        demands.add(&by, way_mm, area_mm2, to.turn_deg[2]);
         let feed = match (self.options.dialect.is_machine_tool(), way_mm > STILL_MM) {
             (true, _) => format!(" F{}", short(60.0 / seconds, 4)),
             (false, true) => format!(" F{}", short(60.0 * way_mm / seconds, 2)),

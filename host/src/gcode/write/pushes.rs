@@ -24,11 +24,14 @@ impl<W: Write> Writer<'_, W> {
         Ok(())
     }
 
-    /// A push of the extruder alone, for the controller's time.
+    /// A push of the extruder alone, for the controller's time and checks.
     fn time_push(&mut self, by_mm: f64, seconds: f64) {
         let mut by = [0.0; AXES];
         by[EXTRUDER] = by_mm;
         self.time.add(by, 0.0, seconds.max(1e-3));
+        let area_mm2 = self.filament_mm2();
+        let heading = self.at.turn_deg[2];
+        self.written.demands.add(&by, 0.0, area_mm2, heading);
     }
 
     /// `primed` where the job primes again: what a controller retracts by itself and does not give back, it holds

@@ -219,6 +219,14 @@ fn export_tells_of_missing_heat_and_of_the_controllers_time() {
         (seconds("controller_time_s") / seconds("duration_s") - 1.1).abs() < 0.1,
         "{told}"
     );
+    let needed = cross_section_needed(&std::fs::read_to_string(&out).expect("G-code"));
+    let stated = told["max_extrude_cross_section_mm2"].as_f64().expect("mm²");
+    // Stated in steps of 0.01 mm².
+    assert!(
+        needed > 0.1 && (0.0..0.01 + 1e-6).contains(&(stated - needed)),
+        "{stated} mm² for {needed}"
+    );
+    assert!(stderr(&written).contains(&format!("max_extrude_cross_section: {stated}")));
     assert!(
         told["needs"]
             .as_str()
@@ -412,4 +420,28 @@ fn a_cold_nozzle_is_said_first_and_a_round_one_stands_beside() {
     assert!(said.contains("The simulated steps stay within "), "{said}");
     let of_job = headway(&["simulate", path(&job), "--against", "circle:0.3"]);
     assert_eq!(of_job.status.code(), Some(2), "{}", stderr(&of_job));
+}
+
+/// What Klipper's check of an extruding move needs with a nozzle of 0.4 mm and filament of 1.75 mm, mm².
+fn cross_section_needed(text: &str) -> f64 {
+    let filament_mm2 = 0.25 * std::f64::consts::PI * 1.75f64.powi(2);
+    let (mut at, mut most) = ([0.0; 3], 0.0f64);
+    for line in text.lines().filter(|line| line.starts_with('G')) {
+        let (mut to, mut pushed_mm) = (at, 0.0);
+        for word in line.split_whitespace().skip(1) {
+            let number = word[1..].parse().unwrap_or(0.0);
+            match word.as_bytes()[0] {
+                b'E' => pushed_mm = number,
+                letter @ b'X'..=b'Z' => to[usize::from(letter - b'X')] = number,
+                _ => {}
+            }
+        }
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|axis| to[axis] - at[axis]);
+        if pushed_mm > 0.0 && (x, y) != (0.0, 0.0) {
+            let way_mm = (x * x + y * y + z * z).sqrt();
+            most = most.max(pushed_mm * filament_mm2 / way_mm.max(0.4));
+        }
+        at = to;
+    }
+    most
 }
