@@ -27,6 +27,7 @@ use crate::plan::progress::Progress;
 use crate::plan::route::bead_headings::WidthOff;
 use crate::plan::route::build_route::lift_at_end;
 use crate::plan::route::gcode_route::{GcodeRoute, GcodeWay, gcode_route};
+use crate::plan::route::told_headings::HeadingJumps;
 use crate::settings::Settings;
 use headway_firmware::kinematics::winds;
 
@@ -47,6 +48,8 @@ pub struct GcodePlan {
     pub beyond_mm: [f64; 2],
     /// Length of beads that are laid at another width than the file's.
     pub off: WidthOff,
+    /// How headings of the file change.
+    pub jumps: HeadingJumps,
     /// The file's orders of heaters and fans.
     pub heat: Vec<HeatEvent>,
     /// Where a bead is lower than one before it.
@@ -90,6 +93,7 @@ pub fn plan_gcode(
         figures: PlanFigures::default(),
         beyond_mm: [0.0; 2],
         off: WidthOff::default(),
+        jumps: HeadingJumps::default(),
         heat: Vec::new(),
         descent: descent(program, &settings),
         touches: None,
@@ -181,6 +185,7 @@ impl GcodePlan {
             *sum += mm;
         }
         self.off.add(&made.off);
+        self.jumps.add(&made.jumps);
         // Passes are counted over the whole file already.
         self.stream.append(laid, 0);
         Ok(())

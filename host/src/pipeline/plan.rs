@@ -21,6 +21,7 @@ use crate::plan::motion::segments::MotionReport;
 use crate::plan::motion::singular::SingularPlaces;
 use crate::plan::route::lean::Leaned;
 use crate::plan::route::moves::Route;
+use crate::plan::route::told_headings::HeadingJumps;
 use crate::plan::route::waypoint_curve::rounding::RoundedCorners;
 
 /// A planned target, with all intermediates.
@@ -52,6 +53,8 @@ pub struct Plan {
     pub singular: SingularPlaces,
     /// What became of the corners of a run of waypoints.
     pub rounded: RoundedCorners,
+    /// How headings of a run of waypoints change.
+    pub jumps: HeadingJumps,
     /// Touches of the head with table and print on a run of waypoints, where its shape is known.
     pub touches: Option<Touches>,
     /// Its surface, if there is one.

@@ -11,6 +11,7 @@ use crate::plan::judge::touches::touches;
 use crate::plan::motion::segments::lay_segments_with_progress;
 use crate::plan::progress::Progress;
 use crate::plan::route::lean;
+use crate::plan::route::told_headings::followed_run;
 use crate::plan::route::waypoint_curve::{WaypointPasses, waypoint_passes};
 use crate::plan::route::waypoint_route::waypoint_route;
 use crate::settings::Settings;
@@ -34,6 +35,7 @@ pub fn plan_waypoints_with_progress(
     progress: &dyn Progress,
 ) -> Result<Plan, PlanError> {
     settings.check()?;
+    let (run, jumps) = &followed_run(run, settings);
     let tips = || run.points.iter().map(|point| point.tip_mm);
     let corners: Vec<Point2> = tips().map(|tip| tip.xy()).collect();
     let low_mm = tips().map(|tip| tip.z).fold(f64::INFINITY, f64::min) - settings.layer_height_mm;
@@ -84,6 +86,7 @@ pub fn plan_waypoints_with_progress(
         leaned,
         singular,
         rounded,
+        jumps: *jumps,
         touches,
         route,
         stream,

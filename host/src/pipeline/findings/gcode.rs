@@ -108,6 +108,7 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
             off.eighth_mm, f.print_mm, off.third_mm, off.longest_mm
         ));
     }
+    warnings.extend(planned.jumps.notes());
     warnings.extend(head_unknown(planned));
     let left: Vec<String> = left_on(&planned.heat).iter().map(HeatOrder::text).collect();
     if !left.is_empty() {

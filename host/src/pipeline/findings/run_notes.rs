@@ -27,7 +27,8 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
         rounded_corners(plan, settings),
         head_unknown(plan, settings),
     ];
-    notes.into_iter().flatten().collect()
+    let notes = notes.into_iter().flatten();
+    notes.chain(plan.jumps.notes()).collect()
 }
 
 /// How the surface was used.

@@ -19,12 +19,13 @@ use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::plan::route::bead_headings::{BeadLines, HeadingTrack, WidthOff};
 use crate::plan::route::chords::Chords;
+use crate::plan::route::told_headings::{HeadingJumps, followed_headings};
 use crate::plan::route::waypoint_curve::CORNER_RAD;
 use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
-use std::f64::consts::{FRAC_PI_4, PI};
+use std::f64::consts::FRAC_PI_4;
 
 /// Largest distance of the curve from a vertex, of the aperture's unit: a corner, and a vertex of a polygon that
 /// represents a curve; less what the fit of the segments takes, and what the steps grow by before a corner.
@@ -51,6 +52,8 @@ pub struct BeadCurve {
     pub beyond_mm: [f64; 2],
     /// Length printed wider or narrower than in the file.
     pub off: WidthOff,
+    /// How headings of the file change.
+    pub jumps: HeadingJumps,
 }
 
 /// A part of a pass from rest to rest.
@@ -86,6 +89,7 @@ pub struct Bead {
     way: Way,
     widths_mm: Vec<f64>,
     headings: Headings,
+    jumps: HeadingJumps,
     is_told: bool,
     /// Of a motion that was planned before.
     chords: Option<Chords>,
@@ -101,8 +105,15 @@ impl Bead {
     ) -> Option<Bead> {
         let way = Way::of(pass, settings.aperture.unit_mm())?;
         let widths_mm = way.widths_mm(slicer, settings);
+        let mut jumps = HeadingJumps::default();
         let headings = match headings_told {
-            true => Headings::Told(unwrapped(&way.points)),
+            true => {
+                let lines = way.legs.iter().map(|leg| leg.line);
+                let period_rad = settings.aperture.period_rad();
+                let (headings, found) = followed_headings(&way.points, lines, period_rad);
+                jumps = found;
+                Headings::Told(headings)
+            }
             false if settings.aperture.is_round() => Headings::Told(vec![0.0; way.points.len()]),
             false => Headings::Planned(HeadingTrack::default()),
         };
@@ -110,6 +121,7 @@ impl Bead {
             way,
             widths_mm,
             headings,
+            jumps,
             is_told: headings_told,
             chords: match headings_told && slicer == Slicer::Headway {
                 true => Chords::of_pass(pass, settings.flow_factor),
@@ -141,6 +153,7 @@ impl Bead {
                 moves: curves.into_iter().map(BeadMove::of).collect(),
                 beyond_mm: [0.0; 2],
                 off: WidthOff::default(),
+                jumps: HeadingJumps::default(),
             };
         }
         let (way, widths_mm, headings) = (&self.way, &self.widths_mm, &self.headings);
@@ -168,6 +181,7 @@ impl Bead {
             moves,
             beyond_mm,
             off,
+            jumps: self.jumps,
         }
     }
 }
@@ -486,17 +500,4 @@ impl Headings {
             Headings::Planned(track) => track.at(at_mm),
         }
     }
-}
-
-/// Given headings, in the shorter direction from turn to turn if C is wrapped.
-fn unwrapped(points: &[Place]) -> Vec<f64> {
-    let mut before: Option<f64> = None;
-    let headings = points.iter().map(|point| {
-        let heading_rad = point.axis_and_heading().1;
-        let turns = before.map_or(0.0, |before| ((before - heading_rad) / (2.0 * PI)).round());
-        let heading_rad = heading_rad + 2.0 * PI * turns;
-        before = Some(heading_rad);
-        heading_rad
-    });
-    headings.collect()
 }

@@ -14,6 +14,7 @@ use crate::plan::route::build_route::entry_heading_of;
 use crate::plan::route::chords::{ChordMove, Chords};
 use crate::plan::route::flow::event_duration_s;
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
+use crate::plan::route::told_headings::HeadingJumps;
 use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
@@ -62,6 +63,8 @@ pub struct GcodeRoute {
     pub beyond_mm: [f64; 2],
     /// Length of beads printed at another width than the file's.
     pub off: WidthOff,
+    /// How headings of the file change.
+    pub jumps: HeadingJumps,
 }
 
 struct Head<'a> {
@@ -97,6 +100,7 @@ pub fn gcode_route(
         head.print(pass, curve, number);
         head.made.passes += 1;
         head.made.off.add(&curve.off);
+        head.made.jumps.add(&curve.jumps);
         for (sum, mm) in head.made.beyond_mm.iter_mut().zip(curve.beyond_mm) {
             *sum += mm;
         }

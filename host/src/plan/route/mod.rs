@@ -25,6 +25,7 @@ pub mod moves;
 pub mod path_curve;
 pub mod shortest_path;
 pub mod surface;
+pub mod told_headings;
 pub mod travel;
 pub mod waypoint_curve;
 pub mod waypoint_route;
