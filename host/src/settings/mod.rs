@@ -148,6 +148,10 @@ pub struct Skirt {
     pub distance_mm: f64,
 }
 
+/// Turn of a seam's direction, rad: on an edge of 1 mm 20 µm, more than noise of meshes, and on a curve of 15 mm a seam 0.3 mm
+/// beside. Few parts have an edge in this direction.
+const SEAM_TURN_RAD: f64 = 0.02;
+
 /// Where loops begin and end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seam {
@@ -155,6 +159,14 @@ pub struct Seam {
     pub place: SeamPlace,
     /// Direction of aligned seams against the x axis.
     pub direction_rad: f64,
+}
+
+impl Seam {
+    /// The direction a little turned, so that of the two ends of an edge across it the same one is farther on all layers.
+    /// Layers do not know of each other: in input coordinates it is the same for all.
+    pub fn untied_rad(&self) -> f64 {
+        self.direction_rad + SEAM_TURN_RAD
+    }
 }
 
 impl Quality {

@@ -99,7 +99,7 @@ impl RegionWork {
         let disks = medial_axis.vertices.iter().map(|v| (v.point, v.radius_mm));
         let axis = Axis::of_medial_axis(&medial_axis, &settings.aperture);
         let mut settings = settings.clone();
-        settings.seam.direction_rad = frame.angle_in(settings.seam.direction_rad);
+        settings.seam.direction_rad = frame.angle_in(settings.seam.untied_rad());
         Ok(RegionWork {
             contour,
             frame,
@@ -128,7 +128,7 @@ impl RegionWork {
         let settings = &mut work.settings;
         if let Some(seam) = inside.seam {
             settings.seam = seam;
-            settings.seam.direction_rad = self.frame.angle_in(seam.direction_rad);
+            settings.seam.direction_rad = self.frame.angle_in(seam.untied_rad());
         }
         settings.infill = inside.infill.map(|infill| Infill {
             angle_rad: self.frame.angle_in(infill.angle_rad),
