@@ -430,6 +430,7 @@ fn run() -> Option<()> {
         Known::Unnamed | Known::Named => drivers,
     };
     let drivers = DriverLoop::new(&drivers, configuration.servo_hz, parts.drivers);
+    let links = [0, 1].map(|line| Link::new(Conversation::new(&configuration, line)));
     // SAFETY: all that interrupts use is set.
     unsafe { cortex_m::interrupt::enable() }
     let around = Around {
@@ -442,7 +443,6 @@ fn run() -> Option<()> {
         from_serial: Incoming::new(),
         from_usb: Incoming::new(),
     };
-    let links = [0, 1].map(|line| Link::new(Conversation::new(&configuration, line)));
     serve(receiver, links, around)
 }
 
