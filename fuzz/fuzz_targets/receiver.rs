@@ -4,12 +4,12 @@
 
 use headway_firmware::steps::output::NoOutput;
 use headway_fuzz::attack::Kind;
-use headway_fuzz::target::machine;
+use headway_fuzz::machines::subject_of;
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_payload};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    let (_, mut machine) = machine(Kind::Planar);
+    let mut machine = subject_of(Kind::Planar).machine.clone();
     let mut out = [0u8; FRAME_BYTES_MAX];
     let mut rest = bytes;
     // Chunks: length and kind in one byte, sequence number in the next.

@@ -101,6 +101,13 @@ pub enum Command {
 pub enum Kind {
     Planar,
     Gantry,
+    Trunnion,
+    Arm6,
+    HeadCb,
+    TableBc,
+    TiltedHead,
+    Polar,
+    CoreXy,
 }
 
 /// A whole run.

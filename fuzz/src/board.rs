@@ -1,27 +1,61 @@
-//! The controller with two lines, whatever comes over them.
-//!
-//! Besides what `target` holds:
-//! 1. No step before a stream or a move was taken, and none in a tick that begins at rest with no
-//!    stream open and nothing heard.
-//! 2. Over any 20 ms no motor makes more steps than its speed limit and the stated margin allow.
+//! The controller with two lines, heaters and switches, whatever comes over them: the invariants of `target`, and over
+//! any 20 ms no motor makes more steps than its speed limit and the stated margin allow.
 
-use crate::attack::{Action, Attack, Kind};
+use crate::attack::{Action, Kind};
 use crate::target::Target;
 use arbitrary::Arbitrary;
+use headway_protocol::message::{Control, HostMessage, SETTINGS_PART_BYTES};
 
-/// One thing that comes over a line, or time that passes.
+/// One thing that comes over a line, or to the board, or time that passes.
 #[derive(Arbitrary, Debug)]
 pub enum Move {
-    /// On the first line.
-    First(Action),
-    /// A payload in a whole frame on the second one.
-    Second { sequence: u16, payload: Vec<u8> },
-    /// A greeting there, then a command by its number.
-    Stop { greets: bool, command: u8 },
+    /// On one of the lines.
+    On { line: u8, action: Action },
+    /// A command that `Action` has not.
+    Order { line: u8, order: Order },
     /// A line's bytes as they are.
-    Noise { second: bool, bytes: Vec<u8> },
+    Noise { line: u8, bytes: Vec<u8> },
+    /// A connection ends.
+    HangUp(u8),
+    /// Levels of the switches, and of the emergency input.
+    Press { switches: u8, emergency: bool },
     /// Servo ticks.
     Ticks(u8),
+}
+
+/// Commands about heat, motors and settings.
+#[derive(Arbitrary, Debug)]
+pub enum Order {
+    Heat { heater: u8, tens: u8, wait: bool },
+    Fan(u16),
+    ExtrudeCold(bool),
+    GoTo([i32; 7]),
+    MotorsOff,
+    SettingsBegin(u16),
+    SettingsPart { offset: u16, byte: u8 },
+    SettingsEnd,
+}
+
+impl Order {
+    fn control(&self) -> Control {
+        match *self {
+            Order::Heat { heater, tens, wait } => Control::Heat {
+                heater: heater % 4,
+                decidegrees: u16::from(tens % 32) * 100,
+                wait,
+            },
+            Order::Fan(permille) => Control::Fan(permille),
+            Order::ExtrudeCold(allowed) => Control::ExtrudeCold(allowed),
+            Order::GoTo(place) => Control::GoTo(place),
+            Order::MotorsOff => Control::MotorsOff,
+            Order::SettingsBegin(length) => Control::SettingsBegin { length },
+            Order::SettingsPart { offset, byte } => Control::SettingsPart {
+                offset,
+                bytes: [byte; SETTINGS_PART_BYTES],
+            },
+            Order::SettingsEnd => Control::SettingsEnd,
+        }
+    }
 }
 
 /// A whole run.
@@ -39,20 +73,24 @@ const MOVES_MAX: usize = 96;
 pub fn run(siege: &Siege) {
     let mut target = Target::new(siege.kind);
     target.hold_limits();
-    target.begin(&Attack {
-        kind: siege.kind,
-        opened: siege.opened,
-        actions: Vec::new(),
-    });
+    if siege.opened {
+        target.begin();
+    }
     for next in siege.moves.iter().take(MOVES_MAX) {
         match next {
-            Move::First(action) => target.act(action),
-            Move::Second { sequence, payload } => target.second_payload(*sequence, payload),
-            Move::Stop { greets, command } => target.second_command(*greets, *command),
-            Move::Noise { second, bytes } => target.noise(*second, bytes),
+            Move::On { line, action } => target.act((*line).into(), action),
+            Move::Order { line, order } => {
+                target.turn_to((*line).into());
+                target.send_control(&HostMessage::Control(order.control()));
+            }
+            Move::Noise { line, bytes } => target.noise((*line).into(), bytes),
+            Move::HangUp(line) => target.hang_up((*line).into()),
+            Move::Press {
+                switches,
+                emergency,
+            } => target.press(*switches, *emergency),
             Move::Ticks(ticks) => target.pass(u32::from(*ticks) * 8),
         }
     }
-    target.pass(500);
-    target.listen();
+    target.end();
 }

@@ -5,8 +5,13 @@
 pub mod attack;
 pub mod board;
 pub mod budget;
+pub mod heat;
+pub mod host;
 pub mod job;
+pub mod machines;
 pub mod package;
+pub mod sender;
+pub mod settings;
 pub mod target;
 
 use headway::input::{self, Format, InputError, ReadOptions};

@@ -1,52 +1,49 @@
 //! A controller under messages that look right, with the invariants that must hold whatever comes.
 //!
-//! 1. No step of a referenced joint beyond its range.
+//! 1. No step of a referenced joint beyond its range, but towards a switch or a probe.
 //! 2. A latched fault brings the machine to rest within [`REST_TICKS_MAX`], and once it rests no
 //!    motor steps again before the fault is cleared: no motion, no flow.
-//! 3. After an emergency stop nothing steps at all.
-//! 4. Reports are frames of messages, and they end.
+//! 3. After an emergency stop, from any line or by its input, nothing steps at all.
+//! 4. Reports are frames of messages, and no more at once than there are kinds.
+//! 5. No step before a stream or a move was taken, and none in a tick that begins at rest with no
+//!    stream open and nothing heard.
+//! 6. Heaters have power only with a target, and no longer than the board's patience after the last frame of the
+//!    host that heats.
+//! 7. Afterwards a fresh host can open a stream.
 
 use crate::attack::{Action, Attack, Command, Kind, Move};
-use headway::settings::Settings;
+use crate::host::{Host, Told};
+use crate::machines::{Subject, opening, subject_of};
+use headway::drive::virtual_heaters::VirtualHeaters;
 use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
 use headway_firmware::design::{LIMIT_MARGIN, RAMP_MARGIN, SERVO_DELAY_TICKS};
-use headway_firmware::line::Conversation;
 use headway_firmware::machine::Machine;
+use headway_firmware::motion::inputs::Inputs;
 use headway_firmware::steps::output::StepOutput;
-use headway_protocol::frame::{
-    FRAME_BYTES_MAX, FrameDecoder, encode_frame, encode_payload, hash_of,
-};
+use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame, encode_payload};
 use headway_protocol::knot_block::{KnotPredictor, encode_block};
 use headway_protocol::message::{
-    Control, DeviceMessage, DeviceState, FaultCause, Finish, Hello, HostMessage, JointOrder,
-    PROTOCOL_VERSION, PinPosition, SCHEMA_HASH, Start,
+    Control, DeviceState, Finish, Hello, HostMessage, JointOrder, PROTOCOL_VERSION, PinPosition,
+    SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
 use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_Z, CHANNELS, Ticks, Units};
 use std::collections::VecDeque;
-use std::sync::LazyLock;
 
 /// A soft fault ends in rest on the path: longer than any ramp of these machines, servo ticks.
 const REST_TICKS_MAX: u32 = 8_000;
 /// Steps that a joint may be beyond its range: the rounding of a count, and of the range itself.
 const RANGE_SLACK_STEPS: i64 = 2;
 /// Servo ticks of one run: what bounds its time.
-const RUN_TICKS_MAX: u32 = 3_000;
+const RUN_TICKS_MAX: u32 = 6_000;
 /// Actions of one run that are followed.
 const ACTIONS_MAX: usize = 64;
-
-static MACHINES: LazyLock<[(MachineConfiguration, Machine); 2]> = LazyLock::new(|| {
-    [Settings::planar(), Settings::gantry()].map(|settings| {
-        let machine = Machine::new(&settings.machine, 0xfeed).expect("built-in machines run");
-        (settings.machine, machine)
-    })
-});
-
-/// A machine as it comes from start-up.
-pub fn machine(kind: Kind) -> (&'static MachineConfiguration, Machine) {
-    let (configuration, machine) = &MACHINES[kind as usize];
-    (configuration, machine.clone())
-}
+/// The board waits so long for a host that heats, ms: a run is short.
+const PATIENCE_MS: u32 = 1_000;
+/// Slack of that: two periods of the heat loop, ms.
+const PATIENCE_SLACK_MS: u32 = 200;
+/// Lines of the board.
+pub const LINES: usize = 2;
 
 /// Counts steps.
 #[derive(Debug, Default)]
@@ -128,24 +125,25 @@ impl SpeedWatch {
 
 /// The controller and what is known of it.
 pub struct Target {
-    configuration: &'static MachineConfiguration,
-    /// The machine cannot tilt.
-    upright: bool,
+    subject: &'static Subject,
     machine: Machine,
+    hosts: [Host; LINES],
+    /// The line that the present action is on.
+    line: usize,
+    heaters: VirtualHeaters,
     steps: Steps,
-    decoder: FrameDecoder,
-    predictor: KnotPredictor,
-    position: [i32; CHANNELS],
-    next_sequence: u32,
-    control: u16,
     ticks: u32,
     ticks_faulted: u32,
     rested: bool,
-    knots: u32,
-    events: u32,
-    watcher: Conversation,
-    /// Newest sequence number there.
-    second: u16,
+    /// An emergency stop was sent, and no fault was cleared since.
+    stopped: bool,
+    emergency_pressed: bool,
+    /// It moves towards a switch or a probe: beyond its range, where that is late.
+    searches: bool,
+    beyond: [i64; MOTORS_MAX],
+    /// The session that heats, and the tick at which it was heard last; `None`: not known.
+    heats: Option<u32>,
+    heard_tick: u32,
     /// Something came since the last tick.
     heard: bool,
     /// Ticks at rest with nothing heard.
@@ -153,30 +151,30 @@ pub struct Target {
     watch: Option<SpeedWatch>,
 }
 
-/// The middle of both machines' ranges, channel units.
-const CENTRE: [i32; CHANNELS] = [1_000_000, 1_000_000, 50_000, 0, 0, 0, 0];
-
 impl Target {
     /// As it comes from start-up.
     pub fn new(kind: Kind) -> Self {
-        let (configuration, machine) = machine(kind);
+        let subject = subject_of(kind);
+        let mut machine = subject.machine.clone();
+        machine.wait_for_host(PATIENCE_MS);
+        let mut heaters = VirtualHeaters::new(&mut machine, &subject.configuration, &subject.heat);
+        heaters.wait_for_host(PATIENCE_MS as f32 / 1000.0);
         Target {
-            configuration,
-            upright: matches!(kind, Kind::Planar),
+            subject,
             machine,
+            hosts: [1, 2].map(|line| Host::new(subject, line)),
+            line: 0,
+            heaters,
             steps: Steps::default(),
-            decoder: FrameDecoder::new(),
-            predictor: KnotPredictor::new(CENTRE),
-            position: CENTRE,
-            next_sequence: 0,
-            control: 0,
             ticks: 0,
             ticks_faulted: 0,
             rested: false,
-            knots: 0,
-            events: 0,
-            watcher: Conversation::new(configuration, 1),
-            second: 0,
+            stopped: false,
+            emergency_pressed: false,
+            searches: false,
+            beyond: [0; MOTORS_MAX],
+            heats: None,
+            heard_tick: 0,
             heard: false,
             still_ticks: 0,
             watch: None,
@@ -186,109 +184,149 @@ impl Target {
     /// Runs a whole attack.
     pub fn run(attack: &Attack) {
         let mut target = Target::new(attack.kind);
-        target.begin(attack);
-        for action in attack.actions.iter().take(ACTIONS_MAX) {
-            target.act(action);
+        if attack.opened {
+            target.begin();
         }
-        target.pass(500);
-        target.listen();
+        for action in attack.actions.iter().take(ACTIONS_MAX) {
+            target.act(0, action);
+        }
+        target.end();
     }
 
-    /// Greets and opens a stream, if the attack says so.
-    pub fn begin(&mut self, attack: &Attack) {
-        let target = self;
-        if attack.opened {
-            target.act(&Action::Hello {
-                session: 1,
-                version: None,
-            });
-            let position = [0; CHANNELS];
-            target.act(&Action::Start {
-                position,
-                wild: None,
-                right_machine: true,
-                units: [0; 3],
-            });
-        }
+    /// Greets and opens a stream on the first line.
+    pub fn begin(&mut self) {
+        let hello = Action::Hello {
+            session: 1,
+            version: None,
+        };
+        let start = Action::Start {
+            position: [0; CHANNELS],
+            wild: None,
+            right_machine: true,
+            units: [0; 3],
+        };
+        self.act(0, &hello);
+        // Nothing is hot: what is tried is the motion.
+        self.send_control(&HostMessage::Control(Control::ExtrudeCold(true)));
+        self.act(0, &start);
     }
 
     /// From now on speeds are looked at too.
     pub fn hold_limits(&mut self) {
-        self.watch = Some(SpeedWatch::new(self.configuration));
+        let pairs = self.subject.configuration.motors.pair.is_some();
+        self.watch = (!pairs).then(|| SpeedWatch::new(&self.subject.configuration));
     }
 
-    /// A payload in a frame on the second line.
-    pub fn second_payload(&mut self, sequence: u16, payload: &[u8]) {
+    /// Bytes of any meaning on a line.
+    pub fn noise(&mut self, line: usize, bytes: &[u8]) {
+        self.line = line % LINES;
+        self.hear();
+        (self.heats, self.host().session) = (None, None);
+        let host = &mut self.hosts[self.line];
+        host.say(&mut self.machine, bytes);
+        self.listen();
+    }
+
+    /// A payload in a frame, whatever it says.
+    fn payload(&mut self, sequence: u16, bytes: &[u8]) {
         let mut out = [0u8; FRAME_BYTES_MAX];
-        if let Ok(length) = encode_payload(sequence, payload, &mut out) {
-            self.noise(true, &out[..length]);
+        if let Ok(length) = encode_payload(sequence, bytes, &mut out) {
+            self.noise(self.line, &out[..length]);
         }
     }
 
-    /// A greeting and a command on the second line.
-    pub fn second_command(&mut self, greets: bool, command: u8) {
-        let mut out = [0u8; FRAME_BYTES_MAX];
-        if greets {
-            let hello = HostMessage::Hello(Hello {
-                protocol_version: PROTOCOL_VERSION,
-                schema_hash: SCHEMA_HASH,
-                host_session: 99,
-            });
-            self.second += 1;
-            if let Ok(length) = encode_frame(self.second, &hello, &mut out) {
-                self.noise(true, &out[..length]);
-            }
-        }
-        self.second += 1;
-        self.second_payload(self.second, &[5, command % 17]);
+    /// The connection of a line ends.
+    pub fn hang_up(&mut self, line: usize) {
+        self.machine.hang_up(&self.hosts[line % LINES].talk);
     }
 
-    /// Bytes as they are.
-    pub fn noise(&mut self, second: bool, bytes: &[u8]) {
+    /// Levels of the inputs.
+    pub fn press(&mut self, switches: u8, emergency: bool) {
+        self.emergency_pressed = emergency;
+        self.hear();
+        self.machine.set_inputs(Inputs {
+            switches,
+            emergency,
+        });
+    }
+
+    /// What follows is on this line.
+    pub fn turn_to(&mut self, line: usize) {
+        self.line = line % LINES;
+    }
+
+    fn host(&mut self) -> &mut Host {
+        &mut self.hosts[self.line]
+    }
+
+    fn hear(&mut self) {
         self.heard = true;
-        if second {
-            self.machine.handle_line(&mut self.watcher, bytes);
-            let mut out = [0u8; FRAME_BYTES_MAX];
-            for _ in 0..10 {
-                if self.machine.poll_line(&mut self.watcher, &mut out) == 0 {
-                    return;
-                }
-            }
-            panic!("reports without end on the second line");
+        let session = self.hosts[self.line].session;
+        if self.heats.is_none() || session.is_none() || session == self.heats {
+            self.heard_tick = self.ticks;
         }
-        self.machine.handle_bytes(bytes);
     }
 
-    fn send(&mut self, sequence: u16, message: &HostMessage<'_>) {
+    fn send(&mut self, sequence: u16, message: &HostMessage<'_>) -> Told {
+        self.hear();
         let mut out = [0u8; FRAME_BYTES_MAX];
+        let host = &mut self.hosts[self.line];
         if let Ok(length) = encode_frame(sequence, message, &mut out) {
-            self.machine.handle_bytes(&out[..length]);
+            host.say(&mut self.machine, &out[..length]);
         }
+        let told = self.listen();
+        let host = &self.hosts[self.line];
+        let is_owner = self.machine.is_owner(&host.talk);
+        let took = match message {
+            HostMessage::Control(Control::EmergencyStop) => {
+                self.stopped = true;
+                let fault = self.machine.motion().fault();
+                assert!(fault.is_some(), "an emergency stop is no fault");
+                false
+            }
+            HostMessage::Hello(_) => false,
+            // It may have been a frame of the open stream, or an order to heat or to move.
+            _ => is_owner && !told.refused.contains(&sequence),
+        };
+        if took {
+            (self.heats, self.heard_tick) = (host.session, self.ticks);
+        }
+        told
     }
 
-    fn send_control(&mut self, message: &HostMessage<'_>) {
-        self.control = self.control.wrapping_add(1);
-        self.send(self.control, message);
+    pub fn send_control(&mut self, message: &HostMessage<'_>) -> Told {
+        let host = self.host();
+        host.control = host.control.wrapping_add(1);
+        let sequence = host.control;
+        self.send(sequence, message)
     }
 
     fn send_stream(&mut self, shift: i16, message: &HostMessage<'_>) {
         // Mostly in order: one in eight shifts is taken as it is.
         let shift = if shift & 7 == 7 { shift } else { 0 };
-        self.send(
-            (self.next_sequence as u16).wrapping_add_signed(shift),
-            message,
-        );
-        self.listen();
+        let sequence = (self.host().next_sequence as u16).wrapping_add_signed(shift);
+        self.send(sequence, message);
     }
 
-    pub fn act(&mut self, action: &Action) {
+    fn greet(&mut self, host_session: u32, protocol_version: u16) {
+        let hello = Hello {
+            protocol_version,
+            schema_hash: SCHEMA_HASH,
+            host_session,
+        };
+        let told = self.send_control(&HostMessage::Hello(hello));
+        if told.welcome.is_some() {
+            self.host().session = Some(host_session);
+        }
+    }
+
+    pub fn act(&mut self, line: usize, action: &Action) {
+        self.line = line % LINES;
         self.heard = true;
         match action {
-            Action::Hello { session, version } => self.send_control(&HostMessage::Hello(Hello {
-                protocol_version: version.unwrap_or(PROTOCOL_VERSION),
-                schema_hash: SCHEMA_HASH,
-                host_session: (*session).into(),
-            })),
+            Action::Hello { session, version } => {
+                self.greet((*session).into(), version.unwrap_or(PROTOCOL_VERSION));
+            }
             Action::Start {
                 position,
                 wild,
@@ -317,7 +355,7 @@ impl Target {
                 volume,
                 duration,
             } => {
-                self.events += 1;
+                self.host().events += 1;
                 self.send_stream(
                     0,
                     &HostMessage::Flow(FlowEvent {
@@ -334,23 +372,21 @@ impl Target {
                 knots,
                 events,
             } => {
+                let host = self.host();
                 let (knots, events) = if *right {
-                    (self.knots, self.events)
+                    (host.knots, host.events)
                 } else {
                     (*knots, *events)
                 };
                 self.send_stream(0, &HostMessage::Finish(Finish { knots, events }));
             }
             Action::Command(command) => self.command(command),
-            Action::Payload { sequence, bytes } => {
-                let mut out = [0u8; FRAME_BYTES_MAX];
-                if let Ok(length) = encode_payload(*sequence, bytes, &mut out) {
-                    self.machine.handle_bytes(&out[..length]);
-                }
-            }
-            Action::Garbage(bytes) => self.machine.handle_bytes(bytes),
+            Action::Payload { sequence, bytes } => self.payload(*sequence, bytes),
+            Action::Garbage(bytes) => self.noise(self.line, bytes),
             Action::Ticks(ticks) => self.pass((*ticks).into()),
-            Action::Listen => self.listen(),
+            Action::Listen => {
+                self.listen();
+            }
         }
     }
 
@@ -361,56 +397,54 @@ impl Target {
         right: bool,
         units: Units,
     ) {
-        self.position = wild.unwrap_or_else(|| units.of_base(&self.near_centre(position)));
-        self.predictor = KnotPredictor::new(self.position);
-        self.knots = 0;
-        self.events = 0;
+        let subject = self.subject;
+        let position = wild.unwrap_or_else(|| units.of_base(&near_centre(subject, position)));
+        let host = self.host();
+        host.position = position;
+        host.predictor = KnotPredictor::new(position);
+        (host.knots, host.events) = (0, 0);
+        let first_sequence = host.next_sequence;
         self.send_control(&HostMessage::Start(Start {
             job: 1,
-            machine_hash: hash_of(self.configuration) ^ u32::from(!right),
-            first_sequence: self.next_sequence,
-            position: self.position,
-            solution: 0,
+            machine_hash: subject.configuration.hash() ^ u32::from(!right),
+            first_sequence,
+            position,
+            solution: subject.solution,
             units,
         }));
     }
 
-    fn near_centre(&self, by: &[i16; CHANNELS]) -> [i32; CHANNELS] {
-        let tilts = |c| (CHANNEL_TILT_X..=CHANNEL_TILT_Y).contains(&c);
-        std::array::from_fn(|c| match c {
-            c if self.upright && tilts(c) => 0,
-            c => CENTRE[c] + i32::from(by[c]),
-        })
-    }
-
     fn knots(&mut self, shift: i16, moves: &[Move], flip: Option<(u8, u8)>) {
-        let mut before = self.position;
+        let upright = self.subject.upright;
+        let host = self.host();
+        let mut before = host.position;
         let knots: Vec<Knot> = moves
             .iter()
             .take(64)
             .map(|next| {
-                for (channel, value) in self.position.iter_mut().enumerate() {
+                for (channel, value) in host.position.iter_mut().enumerate() {
                     let far = next.far.map_or(0, |far| far[channel]);
                     // A planar machine cannot tilt, and the slow axis is Z.
                     let by = match channel {
-                        CHANNEL_TILT_X | CHANNEL_TILT_Y if self.upright => 0,
+                        CHANNEL_TILT_X | CHANNEL_TILT_Y if upright => 0,
                         CHANNEL_Z => i32::from(next.by[channel]) / 16,
                         _ => i32::from(next.by[channel]),
                     };
                     *value = value.wrapping_add(by).wrapping_add(far);
                 }
                 Knot {
-                    control: self.position,
+                    control: host.position,
                     duration_ticks: next.ticks % 4096 + 1,
                 }
             })
             .collect();
         let mut done = 0;
         while done < knots.len() {
-            let (predictor, sequence) = (self.predictor, self.next_sequence);
-            let (block, count) = encode_block(&mut self.predictor, &knots[done..]);
+            let host = self.host();
+            let (predictor, sequence) = (host.predictor, host.next_sequence);
+            let (block, count) = encode_block(&mut host.predictor, &knots[done..]);
             done += count;
-            self.knots += count as u32;
+            host.knots += count as u32;
             let mut bytes = block.to_vec();
             if let Some((at, bits)) = flip
                 && let Some(byte) = bytes.get_mut(usize::from(at))
@@ -418,11 +452,12 @@ impl Target {
                 *byte ^= bits;
             }
             self.send_stream(shift, &HostMessage::Knots(&bytes));
-            if self.next_sequence == sequence {
+            let host = self.host();
+            if host.next_sequence == sequence {
                 // It was not taken: go on from where the controller is.
-                self.predictor = predictor;
-                self.knots -= count as u32;
-                self.position = before;
+                host.predictor = predictor;
+                host.knots -= count as u32;
+                host.position = before;
                 return;
             }
             before = knots[done - 1].control;
@@ -487,18 +522,22 @@ impl Target {
 
     /// Servo ticks, with the invariants after each.
     pub fn pass(&mut self, ticks: u32) {
-        let ticks = ticks.min(RUN_TICKS_MAX - self.ticks);
-        self.ticks += ticks;
+        let ticks = ticks.min(RUN_TICKS_MAX.saturating_sub(self.ticks));
         for _ in 0..ticks {
             self.tick();
         }
     }
 
     fn tick(&mut self) {
+        self.ticks += 1;
         let motion = self.machine.motion();
         let (fault, rested) = (motion.fault(), motion.is_at_rest());
-        let resting = matches!(motion.state(), DeviceState::Idle | DeviceState::Finished);
+        let state = motion.state();
+        let resting = matches!(state, DeviceState::Idle | DeviceState::Finished);
         let quiet = rested && resting && !std::mem::take(&mut self.heard);
+        self.searches |= matches!(state, DeviceState::Homing | DeviceState::Probing);
+        self.searches &= !rested || !resting && fault.is_none();
+        self.stopped &= fault.is_some();
         let steps_before = self.steps.steps;
         self.machine.run_servo_interval(&mut self.steps);
         let stepped = self.steps.steps != steps_before;
@@ -507,6 +546,13 @@ impl Target {
             !(stepped && self.still_ticks > SERVO_DELAY_TICKS),
             "steps with no stream and no command"
         );
+        assert!(!(self.stopped && stepped), "steps after an emergency stop");
+        if self.emergency_pressed {
+            // The servo has seen it.
+            assert!(self.machine.motion().fault().is_some(), "not stopped");
+            self.stopped = true;
+        }
+        self.heat();
         if let Some(watch) = &mut self.watch {
             watch.look(&self.steps.made);
         }
@@ -522,52 +568,123 @@ impl Target {
             "moves long after {fault:?}"
         );
         assert!(!(self.rested && stepped), "steps after {fault:?}");
-        let emergency = fault.cause == FaultCause::Emergency;
-        assert!(!(emergency && stepped), "steps after an emergency stop");
         // What flows when the head comes to rest is cut within the tick after.
         self.rested = rested && self.ticks_faulted > 1;
     }
 
-    fn check_ranges(&self) {
+    fn heat(&mut self) {
+        let mut served = None;
+        let machine = &mut self.machine;
+        self.heaters.turn(|service| {
+            served = machine.serve_heat(service, 0);
+            served
+        });
+        let Some(outputs) = served.filter(|outputs| !outputs.is_cold()) else {
+            return;
+        };
+        let panel = self.machine.motion().heat();
+        assert!(panel.is_on(), "{outputs:?} without a target");
+        let silent_ms = u64::from(self.ticks - self.heard_tick) * 1000;
+        let silent_ms = silent_ms / u64::from(self.subject.configuration.servo_hz);
+        assert!(
+            silent_ms <= u64::from(PATIENCE_MS + PATIENCE_SLACK_MS),
+            "heats {silent_ms} ms after the last frame of {:?}",
+            self.heats
+        );
+    }
+
+    fn check_ranges(&mut self) {
         let motion = self.machine.motion();
+        let configuration = &self.subject.configuration;
+        if configuration.motors.pair.is_some() {
+            return;
+        }
         let counts: [i64; MOTORS_MAX] = motion.counts();
-        for (number, joint) in self.configuration.joints.iter().enumerate() {
-            if motion.referenced() >> number & 1 == 0 {
-                continue;
-            }
+        for (number, joint) in configuration.joints.iter().enumerate() {
             let low = (joint.position_min * joint.steps_per_unit).floor() as i64;
             let high = (joint.position_max * joint.steps_per_unit).ceil() as i64;
-            let range =
-                low.saturating_sub(RANGE_SLACK_STEPS)..=high.saturating_add(RANGE_SLACK_STEPS);
+            let beyond = low
+                .saturating_sub(counts[number])
+                .max(counts[number].saturating_sub(high));
+            let before = std::mem::replace(&mut self.beyond[number], beyond);
+            if motion.referenced() >> number & 1 == 0 || self.searches {
+                continue;
+            }
+            // Beyond a switch that tripped late it may only come back.
             assert!(
-                range.contains(&counts[number]),
+                beyond <= RANGE_SLACK_STEPS.max(before),
                 "joint {number} is at {}",
                 counts[number]
             );
         }
     }
 
-    pub fn listen(&mut self) {
-        let mut out = [0u8; FRAME_BYTES_MAX];
-        // More reports at once than there are kinds would be reports without end.
-        for _ in 0..10 {
-            let length = self.machine.poll_report(&mut out);
-            if length == 0 {
+    /// Everything that the present line tells.
+    pub fn listen(&mut self) -> Told {
+        let host = &mut self.hosts[self.line];
+        host.listen(&self.machine)
+    }
+
+    /// The attack is over: a fresh host stops everything, and opens a stream.
+    pub fn end(&mut self) {
+        self.pass(500);
+        for line in 0..LINES {
+            self.line = line;
+            self.listen();
+        }
+        self.press(0, false);
+        let configuration = &self.subject.configuration;
+        let [_, second] = &mut self.hosts;
+        *second = Host::new(self.subject, 3);
+        self.line = 1;
+        let (centre, solution) = (self.subject.centre, self.subject.solution);
+        let (hello, start) = opening(configuration, 0xf4e5_4000, &centre, solution);
+        self.send_control(&hello);
+        self.hosts[1].session = Some(0xf4e5_4000);
+        for heater in 0..self.subject.heat.heaters.len() as u8 {
+            let off = Control::Heat {
+                heater,
+                decidegrees: 0,
+                wait: false,
+            };
+            self.send_control(&HostMessage::Control(off));
+        }
+        self.send_control(&HostMessage::Control(Control::Abort));
+        self.come_to_rest();
+        self.send_control(&HostMessage::Control(Control::ClearFault));
+        self.come_to_rest();
+        self.send_control(&HostMessage::Control(Control::SetPosition(centre)));
+        self.come_to_rest();
+        let told = self.send_control(&start);
+        let motion = self.machine.motion();
+        assert_eq!(
+            motion.state(),
+            DeviceState::Filling,
+            "{told:?}, {:?}",
+            motion.fault()
+        );
+    }
+
+    fn come_to_rest(&mut self) {
+        // Commands take effect in the next tick.
+        for _ in 0..REST_TICKS_MAX {
+            self.tick();
+            let motion = self.machine.motion();
+            if motion.is_at_rest() && !motion.is_aborting() {
                 return;
             }
-            for &byte in &out[..length] {
-                let Some(frame) = self.decoder.push(byte) else {
-                    continue;
-                };
-                let frame = frame.expect("a whole frame");
-                let message = DeviceMessage::decode(frame.payload).expect("a message");
-                if let DeviceMessage::Ack(ack) | DeviceMessage::Nak(ack) = message {
-                    self.next_sequence = ack.next_sequence;
-                }
-            }
         }
-        panic!("reports without end");
+        panic!("no rest: {:?}", self.machine.motion().state());
     }
+}
+
+/// A pose near the middle of a machine.
+fn near_centre(subject: &Subject, by: &[i16; CHANNELS]) -> [i32; CHANNELS] {
+    let tilts = |c| (CHANNEL_TILT_X..=CHANNEL_TILT_Y).contains(&c);
+    std::array::from_fn(|c| match c {
+        c if subject.upright && tilts(c) => subject.centre[c],
+        c => subject.centre[c] + i32::from(by[c]),
+    })
 }
 
 fn pin_position(out: bool) -> PinPosition {
