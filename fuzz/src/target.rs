@@ -206,8 +206,6 @@ impl Target {
             units: [0; 3],
         };
         self.act(0, &hello);
-        // Nothing is hot: what is tried is the motion.
-        self.send_control(&HostMessage::Control(Control::ExtrudeCold(true)));
         self.act(0, &start);
     }
 
@@ -243,7 +241,7 @@ impl Target {
     /// Levels of the inputs.
     pub fn press(&mut self, switches: u8, emergency: bool) {
         self.emergency_pressed = emergency;
-        self.hear();
+        self.heard = true;
         self.machine.set_inputs(Inputs {
             switches,
             emergency,
@@ -271,23 +269,22 @@ impl Target {
         self.hear();
         let mut out = [0u8; FRAME_BYTES_MAX];
         let host = &mut self.hosts[self.line];
+        let next = host.next_sequence;
         if let Ok(length) = encode_frame(sequence, message, &mut out) {
             host.say(&mut self.machine, &out[..length]);
         }
         let told = self.listen();
+        if *message == HostMessage::Control(Control::EmergencyStop) {
+            self.stopped = true;
+            let fault = self.machine.motion().fault();
+            assert!(fault.is_some(), "an emergency stop is no fault");
+        }
         let host = &self.hosts[self.line];
-        let is_owner = self.machine.is_owner(&host.talk);
         let took = match message {
-            HostMessage::Control(Control::EmergencyStop) => {
-                self.stopped = true;
-                let fault = self.machine.motion().fault();
-                assert!(fault.is_some(), "an emergency stop is no fault");
-                false
-            }
-            HostMessage::Hello(_) => false,
-            // It may have been a frame of the open stream, or an order to heat or to move.
-            _ => is_owner && !told.refused.contains(&sequence),
-        };
+            // As the stream's own numbers say.
+            HostMessage::Knots(_) | HostMessage::Flow(_) => host.next_sequence != next,
+            _ => heats(message) && told.taken == Some(sequence),
+        } && self.machine.is_owner(&host.talk);
         if took {
             (self.heats, self.heard_tick) = (host.session, self.ticks);
         }
@@ -399,11 +396,16 @@ impl Target {
     ) {
         let subject = self.subject;
         let position = wild.unwrap_or_else(|| units.of_base(&near_centre(subject, position)));
+        let [.., volume] = position;
         let host = self.host();
         host.position = position;
         host.predictor = KnotPredictor::new(position);
         (host.knots, host.events) = (0, 0);
         let first_sequence = host.next_sequence;
+        if volume % 2 == 0 {
+            // Nothing is hot: what is tried is the motion.
+            self.send_control(&HostMessage::Control(Control::ExtrudeCold(true)));
+        }
         self.send_control(&HostMessage::Start(Start {
             job: 1,
             machine_hash: subject.configuration.hash() ^ u32::from(!right),
@@ -685,6 +687,23 @@ fn near_centre(subject: &Subject, by: &[i16; CHANNELS]) -> [i32; CHANNELS] {
         c if subject.upright && tilts(c) => subject.centre[c],
         c => subject.centre[c] + i32::from(by[c]),
     })
+}
+
+/// Orders of which the silence of their host ends the heat.
+fn heats(message: &HostMessage<'_>) -> bool {
+    match message {
+        HostMessage::Start(_) => true,
+        HostMessage::Control(Control::Heat { decidegrees, .. }) => *decidegrees > 0,
+        HostMessage::Control(control) => matches!(
+            control,
+            Control::Jog { .. }
+                | Control::GoTo(_)
+                | Control::Home(_)
+                | Control::Probe { .. }
+                | Control::Extrude { .. }
+        ),
+        _ => false,
+    }
 }
 
 fn pin_position(out: bool) -> PinPosition {
