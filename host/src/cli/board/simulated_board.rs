@@ -71,6 +71,7 @@ pub(crate) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     };
     let mut board = VirtualBoard::new(setup, listener)
         .map_err(|error| CliError::Job(format!("the firmware cannot run this machine: {error}")))?;
+    let signals = catch();
     if listening.is_beyond_this_computer() {
         console.say(&format!(
             "anybody in the network who reaches {listening} can move and heat this board: for this computer alone, \
@@ -92,7 +93,6 @@ pub(crate) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     if let Some(flash) = flash {
         board.keep_settings(flash.into_writer());
     }
-    let signals = catch();
     let stop = AtomicBool::new(false);
     let figures = board
         .serve(&stop, |_| {

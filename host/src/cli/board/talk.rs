@@ -223,7 +223,8 @@ impl<'o> Talk<'o> {
 /// Why a conversation ends that an operator ended.
 const STOPPED: &str = "stopped: motors and heaters are off, the position is lost; `headway board reset` clears the \
                        fault, then home it";
-const ENDED: &str = "ended before it was done: nothing moves, and what was switched on goes off";
+pub(crate) const ENDED: &str =
+    "ended before it was done: nothing moves, and what was switched on goes off";
 const NOTHING_PRINTS: &str =
     "nothing prints yet: `abort`, `stop` and Ctrl-C are heard now, the others once it does";
 /// Period of checks of a heater, and longest heating.

@@ -9,7 +9,7 @@ use crate::cli::board::heat::{heaters_json, heaters_text, hot_text};
 use crate::cli::board::operator::{Operator, Wish};
 use crate::cli::board::port::{no_answer, open};
 use crate::cli::board::probe::over_bed;
-use crate::cli::board::talk::Talk;
+use crate::cli::board::talk::{ENDED, Talk};
 use crate::cli::error::CliError;
 use crate::cli::live::{Snapshot, live_page};
 use crate::cli::reading::job;
@@ -386,7 +386,7 @@ impl Run<'_> {
                 }
                 Wish::Control(control) => self.give(control),
                 Wish::Interrupt(time) => self.interrupt(time)?,
-                Wish::End => return Err(CliError::Job(LEFT.to_string())),
+                Wish::End => return Err(self.left()),
                 Wish::Unknown => self.say(
                     "commands: pause, resume, override PCT (1 to 200), flow PCT (10 to 200), fan PCT, heat \
                      HEATER C, abort, stop",
@@ -464,8 +464,17 @@ impl Run<'_> {
                 self.give(Control::Abort);
                 Ok(())
             }
-            _ => Err(CliError::Job(LEFT.to_string())),
+            _ => Err(self.left()),
         }
+    }
+
+    /// Why it ended that somebody ended it: a stream that the board has opened can go on.
+    fn left(&self) -> CliError {
+        let words = match self.sender.state() {
+            SenderState::Streaming | SenderState::Finishing => LEFT,
+            _ => ENDED,
+        };
+        CliError::Job(words.to_string())
     }
 
     fn ended(&self) -> Option<Result<(), CliError>> {
@@ -513,6 +522,6 @@ impl Run<'_> {
     }
 }
 
-/// Why it ended that somebody ended it in mid-job.
+/// Words of that in mid-job.
 const LEFT: &str = "left: the heaters go off, the board comes to rest on the path when its queue is empty; go on with \
                     --resume";

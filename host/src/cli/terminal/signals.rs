@@ -19,6 +19,8 @@ pub(crate) struct Signals {
 /// From now on Ctrl-C is only counted, and signals that would end the process are only noted.
 pub(crate) fn catch() -> Signals {
     static CAUGHT: Once = Once::new();
+    // One that comes while they are being caught counts.
+    let interrupts_before = INTERRUPTS.load(Ordering::Relaxed);
     CAUGHT.call_once(|| {
         // If it cannot be caught, Ctrl-C ends the program as usual; the board comes to rest.
         let _ = ctrlc::set_handler(|| {
@@ -26,9 +28,7 @@ pub(crate) fn catch() -> Signals {
         });
         endings::catch();
     });
-    Signals {
-        interrupts_before: INTERRUPTS.load(Ordering::Relaxed),
-    }
+    Signals { interrupts_before }
 }
 
 impl Signals {
