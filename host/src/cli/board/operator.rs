@@ -48,6 +48,8 @@ pub(crate) struct Operator<'a> {
     /// Interrupts that were followed.
     interrupts: Cell<usize>,
     owner: RefCell<HeatOwner>,
+    /// What brings a path that waits for heat to rest before it is off.
+    rest: Cell<Option<Control>>,
 }
 
 impl<'a> Operator<'a> {
@@ -61,6 +63,7 @@ impl<'a> Operator<'a> {
             signals: catch(),
             interrupts: Cell::new(0),
             owner: RefCell::default(),
+            rest: Cell::default(),
         }
     }
 
@@ -140,6 +143,11 @@ impl<'a> Operator<'a> {
         self.owner.borrow_mut().hand_over_heaters();
     }
 
+    /// A command before everything is switched off, lest the path goes on cold.
+    pub(crate) fn rest_before_off(&self, command: Option<Control>) {
+        self.rest.set(command);
+    }
+
     /// Switches off all that is owned, in a conversation of its own; nothing, where that is nothing.
     pub(crate) fn switch_off(&self) -> Result<(), CliError> {
         let all_off = self.owner.take().all_off();
@@ -149,7 +157,7 @@ impl<'a> Operator<'a> {
         let mut talk = Talk::open(self.port)?;
         // Each of them, whatever becomes of the others; the first problem is the one to report.
         let mut ended = Ok(());
-        for off in all_off {
+        for off in self.rest.take().into_iter().chain(all_off) {
             let taken = talk.order(off);
             ended = ended.and(taken);
         }

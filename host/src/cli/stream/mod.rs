@@ -1,6 +1,7 @@
 //! `headway stream`: a job to a board, with progress, pause and abort on the path, and a log.
 
 pub(crate) mod heat;
+mod leave;
 pub(crate) mod problems;
 pub(crate) mod resume_from;
 
@@ -9,12 +10,13 @@ use crate::cli::board::heat::{heaters_json, heaters_text, hot_text};
 use crate::cli::board::operator::{Operator, Wish};
 use crate::cli::board::port::{no_answer, open};
 use crate::cli::board::probe::over_bed;
-use crate::cli::board::talk::{ENDED, Talk};
+use crate::cli::board::talk::Talk;
 use crate::cli::error::CliError;
 use crate::cli::live::{Snapshot, live_page};
 use crate::cli::reading::job;
 use crate::cli::reading::job::Job;
 use crate::cli::stream::heat::{StreamHeat, pause_heat_max_min};
+use crate::cli::stream::leave::leave;
 use crate::cli::stream::problems::Problems;
 use crate::cli::stream::resume_from::Resumed;
 use crate::cli::terminal::console::Console;
@@ -468,12 +470,11 @@ impl Run<'_> {
         }
     }
 
-    /// Why it ended that somebody ended it: a stream that the board has opened can go on.
     fn left(&self) -> CliError {
-        let words = match self.sender.state() {
-            SenderState::Streaming | SenderState::Finishing => LEFT,
-            _ => ENDED,
-        };
+        let status = self.status.as_ref();
+        let board = status.map(|status| (status.state, status.spans_done));
+        let (first, words) = leave(self.sender.state(), board);
+        self.operator.rest_before_off(first);
         CliError::Job(words.to_string())
     }
 
@@ -521,7 +522,3 @@ impl Run<'_> {
         })
     }
 }
-
-/// Words of that in mid-job.
-const LEFT: &str = "left: the heaters go off, the board comes to rest on the path when its queue is empty; go on with \
-                    --resume";

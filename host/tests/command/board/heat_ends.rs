@@ -145,6 +145,29 @@ fn a_stream_that_a_signal_ends_leaves_nothing_hot() {
     }
 }
 
+/// Goal: a stream that is ended while it heats prints nothing, least of all cold, and nobody is told to go on with it.
+/// Method: a board whose melt may move cold, which would print on once its heaters are off; then the same job anew.
+#[test]
+fn a_stream_that_is_ended_while_it_heats_prints_nothing() {
+    let folder = folder("heating");
+    let job = job(&folder);
+    let board = board(&folder);
+    let host = Host::start(&["stream", &job, "--port", &board.port, "--hot-end", "200"]);
+    wait_until(&board, "heating", |status| status["state"] == "heating");
+    let before = status(&board)["counts"].clone();
+    signal(&host, "-TERM");
+    let (well, _, said) = host.end();
+    assert!(!well && said.contains("start it again"), "{said}");
+    assert!(!said.contains("--resume"), "{said}");
+    assert_ordered_off(&board, "the signal");
+    let after = status(&board);
+    assert_eq!(after["state"], "idle", "{after:?}");
+    assert_eq!(after["counts"], before, "{after:?}");
+    let again = headway(&["stream", &job, "--port", &board.port, "--hot-end", "30"]);
+    assert!(again.status.success(), "{}", stderr(&again));
+    board.end();
+}
+
 #[test]
 fn heating_and_tuning_by_hand_that_a_signal_ends_leave_nothing_hot() {
     let folder = folder("hand");
