@@ -27,8 +27,8 @@ use std::f64::consts::TAU;
 
 /// Most waypoints of a run: a kilometre at 5 mm, or 20 m at 0.1 mm.
 pub const WAYPOINTS_MAX: usize = 200_000;
-/// Largest heading, degrees: what 32 bits of the wire's unit hold, where a job begins.
-pub(super) const HEADING_MAX_DEG: f64 = 120_000.0;
+/// Largest heading, degrees: a thousand turns. A larger value is an error, and would lose digits.
+pub(super) const HEADING_MAX_DEG: f64 = 360_000.0;
 /// Columns of a table, as its head may call them: the mandatory ones, and the optional ones after
 /// them.
 const COLUMNS: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];

@@ -385,6 +385,9 @@ fn numbers_beyond_sense_are_refused_at_the_door() {
     }
     let run = file("run.wpt", "0 0 0 0 0 1 1e300\n5 0 0 0 0 1 0\n");
     refused(&headway(&["inspect", &run]), 1, &["line 1", "heading"]);
+    // 361 turns, more than 2^31 of the wire's units, are a heading: a job begins at rest at 0 and winds to it.
+    let wound = file("wound.wpt", "0 0 0 0 0 1 130000\n5 0 0 0 0 1 130090\n");
+    succeeded(&headway(&["inspect", &wound]));
     let (taper, job) = (example("taper.json"), folder.join("part.hwj"));
     let plan = ["plan", &taper, "-o", path(&job)];
     for (options, status, part) in [
