@@ -313,6 +313,28 @@ mod tests {
         from_toml(&text).map_err(|error| error.to_string())
     }
 
+    /// Goal: a fan whose pulses nobody counts is not waited for. Method: the key with each named board, and with a board
+    /// of one's own.
+    #[test]
+    fn a_board_that_counts_no_pulses_of_a_fan_is_not_told_to() {
+        let mut settings = Settings::planar();
+        let mut heaters = HeatConfiguration::standard();
+        heaters.fan_tells_turns = true;
+        settings.heaters = Some(heaters);
+        let text = to_toml(&settings);
+        assert!(text.contains("fan_tells_turns = true"), "{text}");
+        assert!(from_toml(&text).is_ok());
+        for name in BoardName::ALL {
+            settings.board = Some(name);
+            let refused = from_toml(&to_toml(&settings)).map_err(|error| error.to_string());
+            let said = refused.expect_err("a fan that stalls at once");
+            assert!(
+                said.contains("fan_tells_turns") && said.contains(name.text()),
+                "{said}"
+            );
+        }
+    }
+
     #[test]
     fn a_board_is_named_as_it_is_written_and_no_other_is() {
         let mut settings = Settings::planar();
