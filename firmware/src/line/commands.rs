@@ -22,7 +22,9 @@ impl Receiver {
     ) {
         // An order to heat claims the machine, too, even where it only lowers a target.
         let is_for_all = is_for_every_line(&control, motion);
-        if !(is_for_all && !takes_heat(&control) || self.claim(talk, motion) || is_for_all) {
+        let asks = !is_for_all || takes_heat(&control);
+        let may_have_it = asks && self.claim(talk, motion);
+        if !is_for_all && !may_have_it {
             talk.refuse_control(sequence, RefusalReason::Busy);
             return;
         }

@@ -143,7 +143,8 @@ impl Reader {
         let runs = runs.map(|(k, (name, from))| {
             let next = self.names.get(k + 1);
             let to = next.map_or(self.faces.len(), |(_, next)| *next);
-            (name.clone(), vec![first[*from]..first[to]])
+            let faces = first[*from]..first[to];
+            (name.clone(), Vec::from([faces]))
         });
         let is_named = |(name, _): &&(String, usize)| !name.is_empty();
         Ok(RawMesh {
@@ -181,7 +182,7 @@ fn triangles(places: &[Point3]) -> Vec<[usize; 3]> {
     };
     let mut left: Vec<usize> = (0..count).collect();
     let is_convex = (0..count).all(|k| side(k, (k + 1) % count, (k + 2) % count) >= 0.0);
-    if count < 4 || count > CORNERS_MAX || is_convex {
+    if is_convex || !(4..=CORNERS_MAX).contains(&count) {
         return fan();
     }
     let mut triangles = Vec::with_capacity(count - 2);

@@ -25,17 +25,18 @@ pub fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
 
 /// What UTF-16 says: by its mark, or by the zeros beside its first two characters.
 fn utf16(bytes: &[u8]) -> Option<String> {
-    let (unit, text): (fn([u8; 2]) -> u16, &[u8]) = match bytes {
-        [0xff, 0xfe, text @ ..] => (u16::from_le_bytes, text),
-        [0xfe, 0xff, text @ ..] => (u16::from_be_bytes, text),
-        [1..=255, 0, 1..=255, 0, ..] => (u16::from_le_bytes, bytes),
-        [0, 1..=255, 0, 1..=255, ..] => (u16::from_be_bytes, bytes),
+    let (is_little, text) = match bytes {
+        [0xff, 0xfe, text @ ..] => (true, text),
+        [0xfe, 0xff, text @ ..] => (false, text),
+        [1..=255, 0, 1..=255, 0, ..] => (true, bytes),
+        [0, 1..=255, 0, 1..=255, ..] => (false, bytes),
         _ => return None,
     };
-    let units: Vec<u16> = text
-        .chunks_exact(2)
-        .map(|two| unit([two[0], two[1]]))
-        .collect();
+    let unit = |two: &[u8]| match is_little {
+        true => u16::from_le_bytes([two[0], two[1]]),
+        false => u16::from_be_bytes([two[0], two[1]]),
+    };
+    let units: Vec<u16> = text.chunks_exact(2).map(unit).collect();
     Some(String::from_utf16_lossy(&units))
 }
 

@@ -151,19 +151,14 @@ fn keep(
     ))
 }
 
-/// `FILE.bak`, or with a number if there is one already.
+/// `FILE.bak`, or with numbers if there is one already.
 fn free_name(path: &Path) -> PathBuf {
-    let name = |number: u32| {
-        let mut name = path.as_os_str().to_os_string();
-        name.push(".bak");
-        if number > 1 {
-            name.push(number.to_string());
-        }
-        PathBuf::from(name)
-    };
-    let mut names = (1..).map(name);
-    let free = names.find(|name| name.symlink_metadata().is_err());
-    free.unwrap_or_else(|| name(1))
+    let mut name = path.as_os_str().to_os_string();
+    name.push(".bak");
+    while Path::new(&name).symlink_metadata().is_ok() {
+        name.push("2");
+    }
+    PathBuf::from(name)
 }
 
 /// The machine file with these heaters instead of its own; all else, comments too, stays.

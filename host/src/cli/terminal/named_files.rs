@@ -60,19 +60,15 @@ impl NamedFiles {
         let mut level = Some(matches);
         while let Some(matches) = level {
             for id in matches.ids().map(clap::Id::as_str) {
-                for path in values::<PathBuf>(matches, id) {
-                    files.read(path);
-                }
-                for place in values::<Place>(matches, id) {
-                    if let Place::Log(path) = place {
-                        files.read(path);
-                    }
-                }
-                for text in values::<String>(matches, id) {
-                    for path in [polygon_in(text), machine_in(text)].into_iter().flatten() {
-                        files.read(path);
-                    }
-                }
+                values(matches, id).for_each(|path: &PathBuf| files.read(path));
+                let logs = values(matches, id).filter_map(|place| match place {
+                    Place::Log(path) => Some(path),
+                    Place::Pass(_) | Place::Layer(_) => None,
+                });
+                logs.for_each(|path| files.read(path));
+                let texts = values::<String>(matches, id);
+                let named = texts.flat_map(|text| [polygon_in(text), machine_in(text)]);
+                named.flatten().for_each(|path| files.read(&path));
             }
             level = matches.subcommand().map(|(_, below)| below);
         }
@@ -80,29 +76,24 @@ impl NamedFiles {
     }
 
     /// Adds a file that is read, and those that it names.
-    fn read(&mut self, path: impl AsRef<Path>) {
-        let path = path.as_ref();
+    fn read(&mut self, path: &Path) {
         let identity = FileIdentity::of(path);
         if self.inputs.iter().any(|(_, of)| *of == identity) {
             return;
         }
         self.inputs.push((path.to_path_buf(), identity));
         // A pipe is read once, by the command.
-        let is_short = |path: &Path| {
-            let known = std::fs::metadata(path).ok();
-            known.is_some_and(|known| known.is_file() && known.len() <= MACHINE_BYTES_MAX)
-        };
-        let text = is_short(path).then(|| std::fs::read_to_string(path).ok());
-        let table = text.flatten().and_then(|text| text.parse().ok());
-        let Some(table): Option<toml::Table> = table else {
-            return;
-        };
+        let known = std::fs::metadata(path).ok();
+        let short = known.filter(|known| known.is_file() && known.len() <= MACHINE_BYTES_MAX);
+        let text = short.and_then(|_| std::fs::read_to_string(path).ok());
+        let table: Option<toml::Table> = text.and_then(|text| text.parse().ok());
+        let table = table.unwrap_or_default();
         let value = |group: &str, key: &str| Some(table.get(group)?.get(key)?.as_str()?.to_owned());
         if let Some(polygon) = value("print", "aperture").as_deref().and_then(polygon_in) {
-            self.read(parent(path).join(polygon));
+            self.read(&parent(path).join(polygon));
         }
         if let Some(machine) = value("gcode", "axes").as_deref().and_then(machine_in) {
-            self.read(machine);
+            self.read(&machine);
         }
     }
 

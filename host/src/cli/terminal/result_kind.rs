@@ -21,30 +21,31 @@ pub(crate) struct ResultKind {
 }
 
 const fn kind(name: &'static str, is_one: fn(&[u8]) -> bool) -> ResultKind {
+    let is_kept = false;
     ResultKind {
         name,
         is_one,
-        is_kept: false,
+        is_kept,
     }
 }
 
-pub(crate) const JOB: ResultKind = kind("a job", is_job);
+const fn kept(name: &'static str, is_one: fn(&[u8]) -> bool) -> ResultKind {
+    let is_kept = true;
+    ResultKind {
+        name,
+        is_one,
+        is_kept,
+    }
+}
+
+pub(crate) const JOB: ResultKind = kind("a job", |head| head.starts_with(MAGIC));
 /// The job of a pattern to measure: printed once, read later.
-pub(crate) const PATTERN: ResultKind = ResultKind {
-    is_kept: true,
-    ..kind("a job", is_job)
-};
-pub(crate) const MACHINE: ResultKind = ResultKind {
-    is_kept: true,
-    ..kind("a machine file", |head| {
-        head.starts_with(b"# Headway machine file")
-    })
-};
+pub(crate) const PATTERN: ResultKind = kept("a job", JOB.is_one);
+pub(crate) const MACHINE: ResultKind = kept("a machine file", |head| {
+    head.starts_with(b"# Headway machine file")
+});
 /// A log is what a print is resumed from: none is ever replaced.
-pub(crate) const LOG: ResultKind = ResultKind {
-    is_kept: true,
-    ..kind("an empty file", |_| false)
-};
+pub(crate) const LOG: ResultKind = kept("an empty file", |_| false);
 pub(crate) const TABLE: ResultKind = kind("a table of headway", |head| {
     let joints = FIRST_COLUMNS.join(",");
     let heads = [POSE_HEADER, "t_us,motor,dir", HEADER, &joints];
@@ -83,7 +84,3 @@ pub(crate) const FLASH: ResultKind = kind("the flash of a simulated board", |_| 
 pub(crate) const MANUAL: ResultKind = kind("a manual page of headway", |head| {
     String::from_utf8_lossy(head).contains("\n.TH headway")
 });
-
-fn is_job(head: &[u8]) -> bool {
-    head.starts_with(MAGIC)
-}

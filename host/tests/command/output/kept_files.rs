@@ -305,7 +305,8 @@ fn a_log_that_is_there_is_not_replaced() {
     let own = Inputs::new("log");
     let log = own.at("print.log");
     let board = Board::unix(&own.folder, 50.0);
-    let stream = ["stream", &own.job, "--port", &board.port, "--log", &log];
+    let port = board.port.clone();
+    let stream = ["stream", &own.job, "--port", &port, "--log", &log];
     // An empty file may be there.
     std::fs::write(&log, "").expect("log");
     succeeded(&headway(&stream));
@@ -319,6 +320,9 @@ fn a_log_that_is_there_is_not_replaced() {
         "{said}"
     );
     assert!(std::fs::read(&log).expect("log") == first);
+    board.end();
+    // Another board, which is where the job begins.
+    let board = Board::unix(&own.folder, 50.0);
     succeeded(&headway(&[&stream[..], &["--force"]].concat()));
     assert!(std::fs::read(&log).expect("log") != first);
     board.end();

@@ -118,7 +118,7 @@ fn a_report_does_not_replace_other_pages() {
     let input = example("taper.json");
     for command in ["simulate", "view"] {
         let output = headway(&[command, &input, "--report", path(&site)]);
-        assert_eq!(output.status.code(), Some(1));
+        assert_eq!(output.status.code(), Some(2));
         let told = stderr(&output);
         assert!(
             told.contains("index.html") && told.contains("another folder"),

@@ -115,13 +115,14 @@ fn outputs_are_looked_at_before_the_work() {
         assert!(!stderr(&output).contains("note"), "{}", stderr(&output));
     }
     assert_eq!(std::fs::read_to_string(&file).expect("file"), "kept");
-    // A job that is refused leaves nothing behind, and what was there as it was.
+    // A job that is refused leaves nothing behind, and what was there as it was: here the beginning of a job.
+    std::fs::write(&file, "HEADWAYJ").expect("file");
     for job in [folder.join("new.hwj"), file.clone()] {
         let output = headway(&["plan", &taper, "-o", path(&job), "--at", "1e6,0,0"]);
         refused(&output, 1, &["work area"]);
         assert_eq!(job.exists(), job == file);
     }
-    assert_eq!(std::fs::read_to_string(&file).expect("file"), "kept");
+    assert_eq!(std::fs::read_to_string(&file).expect("file"), "HEADWAYJ");
 }
 
 /// A byte order mark was "expected value at line 1 column 1", and so was UTF-16; a CR alone ended no line.
