@@ -23,6 +23,7 @@ impl Receiver {
         // An order to heat claims the machine, too, even where it only lowers a target.
         let is_for_all = is_for_every_line(&control, motion);
         let asks = !is_for_all || takes_heat(&control);
+        let before = self.owner;
         let may_have_it = asks && self.claim(talk, motion);
         if !is_for_all && !may_have_it {
             talk.refuse_control(sequence, RefusalReason::Busy);
@@ -31,7 +32,11 @@ impl Receiver {
         match self.execute(talk, sequence, control, motion) {
             Ok(()) if takes_heat(&control) && self.owner.is(talk) => self.owner.take_heat(talk),
             Ok(()) => {}
-            Err(reason) => talk.refuse_control(sequence, reason),
+            Err(reason) => {
+                // What is refused takes the machine from nobody.
+                self.owner = before;
+                talk.refuse_control(sequence, reason);
+            }
         }
     }
 

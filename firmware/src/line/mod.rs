@@ -228,12 +228,13 @@ impl Receiver {
         start: &Start,
         motion: &mut Motion,
     ) {
-        if !self.claim(talk, motion) {
-            talk.refuse_control(sequence, RefusalReason::Busy);
-            return;
-        }
         if start.machine_hash != self.machine_hash {
             talk.refuse_control(sequence, RefusalReason::Machine(self.machine_hash));
+            return;
+        }
+        let before = self.owner;
+        if !self.claim(talk, motion) {
+            talk.refuse_control(sequence, RefusalReason::Busy);
             return;
         }
         match motion.start_in(&start.position, start.solution, &start.units) {
@@ -255,7 +256,10 @@ impl Receiver {
                     volume_units: start.position[CHANNEL_VOLUME],
                 });
             }
-            Err(error) => talk.refuse_control(sequence, reason_of(error)),
+            Err(error) => {
+                self.owner = before;
+                talk.refuse_control(sequence, reason_of(error));
+            }
         }
     }
 

@@ -202,3 +202,21 @@ fn another_host_gets_the_machine_from_one_that_is_done_silent_or_replaced() {
     assert_eq!(other.order(&mut hot, heat(650)), None);
     assert_eq!(hot.host.machine.motion().heat().target_decidegrees(0), 650);
 }
+
+#[test]
+fn what_is_refused_takes_the_machine_from_nobody() {
+    // The host of an open stream sleeps: another one asks for what cannot be done then.
+    let mut hot = printing();
+    hot.run(31 * 2000);
+    let mut other = Other::new();
+    other.say(&mut hot, hello(99));
+    assert_eq!(other.order(&mut hot, JOG), Some(RefusalReason::Busy));
+    assert_eq!(
+        other.order(&mut hot, heat(3000)),
+        Some(RefusalReason::Invalid)
+    );
+    // It comes back, and goes on.
+    hot.heat(0, 2000, false);
+    assert_eq!(hot.host.refusals, []);
+    assert_eq!(hot.host.machine.motion().heat().target_decidegrees(0), 2000);
+}
