@@ -21,8 +21,10 @@ const LENGTH_MAX_MM: f64 = 100_000.0;
 
 /// Longest name of a machine, characters: it is in every job and message.
 pub(super) const NAME_CHARS_MAX: usize = 200;
-/// Farthest end of a joint that is an end, mm or rad: 32 bits of the wire's tenths of a micrometre hold 214,748 mm.
-const POSITION_MAX: f64 = 2.0e5;
+/// Farthest end of a joint that is an end, mm: 32 bits of the wire's tenths of a micrometre hold 214,748 mm;
+const POSITION_MAX_MM: f64 = 2.0e5;
+/// and rad: what is beyond is a number in another unit.
+const POSITION_MAX_RAD: f64 = 1.0e6;
 /// Slowest and fastest of anything that moves, in its own unit and a second: from a tower's creep to
 /// what no machine has. Outside of it times and counts leave what numbers hold.
 const SPEED_RANGE: [f64; 2] = [1e-4, 1e6];
@@ -177,9 +179,14 @@ impl Settings {
                     high: joint.position_max,
                 });
             }
+            let most = if joint.rotary {
+                POSITION_MAX_RAD
+            } else {
+                POSITION_MAX_MM
+            };
             let ends = [joint.position_min, joint.position_max];
             for end in ends.into_iter().filter(|end| end.is_finite()) {
-                in_range(&key("position"), end, -POSITION_MAX, POSITION_MAX)?;
+                in_range(&key("position"), end, -most, most)?;
             }
         }
         Ok(())

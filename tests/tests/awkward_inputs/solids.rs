@@ -156,22 +156,22 @@ fn obj() -> Vec<Case> {
         of(
             "a corner of number 0",
             &(corners.clone() + "f 0 1 2\n"),
-            Refused("(line 5)"),
+            Refused("line 5:"),
         ),
         of(
             "a corner that is not there",
             &(corners.clone() + "f 1 2 9\n"),
-            Refused("(line 5)"),
+            Refused("line 5:"),
         ),
         of(
             "a corner of number four thousand million",
             &(corners.clone() + "f 1 2 4000000000\n"),
-            Refused("(line 5)"),
+            Refused("line 5:"),
         ),
         of(
             "a corner that is no number",
             &("v 0 0 x\n".to_string() + &plain),
-            Refused("(line 1)"),
+            Refused("line 1:"),
         ),
     ]
 }

@@ -34,6 +34,7 @@ fn a_job_streams_over_unix_socket_and_tcp_to_the_simulations_end() {
             &board.port,
             "--log",
             &log,
+            "--force",
             "--json",
         ]);
         let figures = object(&streamed);
@@ -260,7 +261,15 @@ fn a_status_comes_as_often_as_asked_for() {
     let count = |period: &[&str]| {
         let board = Board::unix(&folder, 4.0);
         let log = folder.join("print.log").display().to_string();
-        let stream = ["stream", &job, "--port", &board.port, "--log", &log];
+        let stream = [
+            "stream",
+            &job,
+            "--port",
+            &board.port,
+            "--log",
+            &log,
+            "--force",
+        ];
         let streamed = headway(&[&stream[..], period].concat());
         assert!(streamed.status.success(), "{}", stderr(&streamed));
         board.end();
