@@ -1,7 +1,7 @@
 //! Bytes of the line -> requests to the motion, and reports back to the host.
 //!
-//! In: bytes of any number of lines, each with a [`Conversation`] of its own; the motion, for reports. Out: knots with their demands, flow events and commands for
-//! the motion; settings for the store; frames of reports.
+//! In: bytes of any number of lines, each with a [`Conversation`] of its own; the motion, for reports. Out: knots with
+//! their demands, flow events and commands for the motion; settings for the store; frames of reports.
 //!
 //! Receiving is divided into steps, so that a board can work at low priority, a part in each round of its main
 //! loop, and lock the motion only briefly: [`Receiver::receive`] reads a frame, [`Receiver::work`] computes

@@ -4,10 +4,10 @@
 //! In: a shell's name, or a folder. Out: a script on stdout; a page, or a page for each command.
 
 use crate::cli::args::Arguments;
+use crate::cli::args::output_path::OutputPath;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::OutputPath;
 use crate::cli::terminal::result_kind::MANUAL;
 use clap::{Command, CommandFactory};
 

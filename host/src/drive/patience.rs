@@ -1,7 +1,7 @@
 //! Time limits of a host that waits for a board: each wait has its own.
 //!
-//! Progress of a [`Sender`], and time in microseconds in which the host could hear (`host_clock`) -> nothing, or the wait that timed out and the
-//! board's last report. A board that answers but makes no progress is treated like a silent one. The
+//! Progress of a [`Sender`], and time in microseconds in which the host could hear (`host_clock`) -> nothing, or the
+//! wait that timed out and the board's last report. A board that answers but makes no progress is treated like a silent one. The
 //! counts of accepted frames and finished spans only ever grow here, so that a board cannot gain time by
 //! reporting smaller ones. Not covered: the user's abort (Ctrl-C, `abort`), which is handled elsewhere.
 

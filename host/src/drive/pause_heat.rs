@@ -14,6 +14,8 @@ pub const PAUSE_HEAT_MAX_MIN: f64 = 120.0;
 const US_PER_MIN: f64 = 60e6;
 /// Time for an order and the status that shows it, many times over.
 const ASK_AGAIN_US: u64 = 5_000_000;
+/// Periods of a board's heat loop, many times over.
+const LAPSED_US: u64 = 1_000_000;
 
 /// What a pause does to the heaters.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,6 +41,8 @@ pub struct PauseHeat {
     cut_decidegrees: [u16; HEATERS_MAX],
     /// Targets were ordered again after a silence: not before this time once more.
     asked_us: u64,
+    /// Since when the board waits with everything off.
+    lapsed_us: Option<u64>,
 }
 
 impl PauseHeat {
@@ -50,6 +54,7 @@ impl PauseHeat {
             kept_decidegrees: [0; HEATERS_MAX],
             cut_decidegrees: [0; HEATERS_MAX],
             asked_us: 0,
+            lapsed_us: None,
         }
     }
 
@@ -113,7 +118,13 @@ impl PauseHeat {
             .iter()
             .map(|heater| heater.target_decidegrees);
         let was_cut = self.cut_decidegrees.iter().any(|target| *target > 0);
-        if !waits || targets.any(|target| target > 0) || was_cut || now_us < self.asked_us {
+        if !waits || targets.any(|target| target > 0) || was_cut {
+            self.lapsed_us = None;
+            return Vec::new();
+        }
+        // Orders of this host show in a status only after a period of the board's heat loop.
+        let since_us = *self.lapsed_us.get_or_insert(now_us);
+        if now_us < self.asked_us.max(since_us + LAPSED_US) {
             return Vec::new();
         }
         let targets = (0..HEATERS_MAX).map(|heater| owner.target_decidegrees(heater));
@@ -240,9 +251,12 @@ mod tests {
         let again = PauseNews::Returns(vec![heat(0, 2100), heat(1, 600)]);
         let mut pause = PauseHeat::new(120.0);
         let lapsed = status(DeviceState::Heating, [0, 0]);
-        assert_eq!(pause.look(0, &lapsed, &owner), Some(again.clone()));
-        assert_eq!(pause.look(ASK_AGAIN_US - 1, &lapsed, &owner), None);
-        assert_eq!(pause.look(ASK_AGAIN_US, &lapsed, &owner), Some(again));
+        assert_eq!(pause.look(0, &lapsed, &owner), None);
+        assert_eq!(pause.look(LAPSED_US - 1, &lapsed, &owner), None);
+        assert_eq!(pause.look(LAPSED_US, &lapsed, &owner), Some(again.clone()));
+        let next_us = LAPSED_US + ASK_AGAIN_US;
+        assert_eq!(pause.look(next_us - 1, &lapsed, &owner), None);
+        assert_eq!(pause.look(next_us, &lapsed, &owner), Some(again));
         // One that is off by itself was switched off by somebody.
         let one = status(DeviceState::Heating, [2100, 0]);
         assert_eq!(pause.look(MIN_US, &one, &owner), None);

@@ -455,7 +455,10 @@ fn svg_shapes_that_are_not_shown_are_left_out_and_counted() {
         (format!("<style>.h{{visibility:hidden}}</style><g class='h'><rect {side}/></g>"), "1 shapes"),
         (format!("<style>.h{{opacity:0}}</style><g class='h'><rect {side}/></g>"), "1 shapes"),
         (r##"<defs><rect id="r" width="20" height="20"/></defs><use xlink:href="#r" opacity="0"/>"##.into(), "1 shapes"),
-        (r##"<symbol id="s"><rect width="9" height="9"/></symbol><use xlink:href="#s" visibility="hidden"/>"##.into(), "1 shapes"),
+        (
+            r##"<symbol id="s"><rect width="9" height="9"/></symbol><use xlink:href="#s" visibility="hidden"/>"##.into(),
+            "1 shapes",
+        ),
         (format!("{clear_stops}<rect {side} fill='url(#g)'/>"), "1 shapes"),
         (format!(r##"<rect {side} fill="none" stroke="#000" stroke-opacity="0"/>"##), "1 shapes"),
         (format!(r##"<rect {side} fill-opacity="0" stroke="#000"/>"##), "1 shapes with a stroke"),

@@ -399,8 +399,7 @@ fn run() -> Option<()> {
         switches: &switches,
         session: start::session(),
     };
-    // SAFETY: what these interrupts use is set up, or not looked at before it is; no lock relies
-    // on their being off.
+    // SAFETY: what these interrupts use is set up, or not looked at before it is.
     unsafe {
         PINS.set(parts.pins);
         heat::set_up();

@@ -1,7 +1,7 @@
 //! The options of `stream` and `board`, with their help.
 
 use crate::cli::args::export::EndHeatArgs;
-use crate::cli::terminal::output_file::OutputPath;
+use crate::cli::args::output_path::OutputPath;
 use crate::settings::heat::PAUSE_HEAT_MAX_MIN_MOST;
 use clap::{Args, Subcommand, ValueHint};
 use headway_protocol::message::REPORT_PERIOD_RANGE_MS;

@@ -3,7 +3,7 @@
 use crate::calibration::PatternKind;
 use crate::cli::args::SettingsArgs;
 use crate::cli::args::allow::AllowArgs;
-use crate::cli::terminal::output_file::OutputPath;
+use crate::cli::args::output_path::OutputPath;
 use clap::{Args, ValueEnum, ValueHint};
 
 /// `headway calibrate`.

@@ -1,7 +1,7 @@
 //! The options of `headway compare`, with their help.
 
+use crate::cli::args::output_path::OutputPath;
 use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
-use crate::cli::terminal::output_file::OutputPath;
 use clap::{Args, ValueHint};
 use std::path::PathBuf;
 

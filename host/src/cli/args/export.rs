@@ -1,6 +1,6 @@
 //! The options of `headway export`, with their help.
 
-use crate::cli::terminal::output_file::OutputPath;
+use crate::cli::args::output_path::OutputPath;
 use crate::report::plan_marks::Colouring;
 use clap::{Args, ValueEnum, ValueHint};
 use std::path::PathBuf;

@@ -9,6 +9,7 @@ pub(crate) mod inspect;
 pub(crate) mod machine;
 mod names;
 pub(crate) mod other_names;
+pub(crate) mod output_path;
 pub(crate) mod shell;
 
 use crate::cli::args::allow::{AllowArgs, VerdictArgs};
@@ -22,7 +23,7 @@ use crate::cli::args::other_names::OtherNames;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
 pub(crate) use names::{FormatName, UnitName};
 
-use crate::cli::terminal::output_file::OutputPath;
+use crate::cli::args::output_path::OutputPath;
 use crate::pipeline::shards::Shard;
 use crate::settings::Place;
 use crate::settings::options::Options;

@@ -1,6 +1,6 @@
 //! The options of `headway completions` and `headway man`, with their help.
 
-use crate::cli::terminal::output_file::OutputPath;
+use crate::cli::args::output_path::OutputPath;
 use clap::{Args, ValueEnum, ValueHint};
 use clap_complete::Shell;
 

@@ -72,12 +72,7 @@ pub(crate) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     let mut board = VirtualBoard::new(setup, listener)
         .map_err(|error| CliError::Job(format!("the firmware cannot run this machine: {error}")))?;
     let signals = catch();
-    if listening.is_beyond_this_computer() {
-        console.say(&format!(
-            "anybody in the network who reaches {listening} can move and heat this board: for this computer alone, \
-             listen at 127.0.0.1"
-        ));
-    }
+    warn_of_network(&listening, console);
     console.say(&format!(
         "a board of machine {name} listens on {listening}; Ctrl-C ends it"
     ));
@@ -105,6 +100,16 @@ pub(crate) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
         figures.steps, figures.counts, figures.underruns, figures.hosts
     ));
     Ok(())
+}
+
+/// Says who else reaches the board.
+fn warn_of_network(listening: &Port, console: &Console) {
+    if listening.is_beyond_this_computer() {
+        console.say(&format!(
+            "anybody in the network who reaches {listening} can move and heat this board: for this computer alone, \
+             listen at 127.0.0.1"
+        ));
+    }
 }
 
 /// What its probe trips at: with Z homed at the bed and no input of its own it is Z's switch.

@@ -1,12 +1,13 @@
 //! `headway simulate`: the job through link and firmware, checked against the plan.
 
+use crate::cli::args::output_path::OutputPath;
 use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs, SimulateArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::planned;
 use crate::cli::plan::verdict;
 use crate::cli::reading::job;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::{OutputFile, OutputPath, ReportFolder};
+use crate::cli::terminal::output_file::{OutputFile, ReportFolder};
 use crate::cli::terminal::result_kind::TABLE;
 use crate::drive::dry_run::{DryRun, dry_run};
 use crate::drive::link::LinkSpec;

@@ -9,12 +9,13 @@ use crate::calibration::{
 };
 use crate::cli::args::allow::AllowArgs;
 use crate::cli::args::calibrate::CalibrateArgs;
+use crate::cli::args::output_path::OutputPath;
 use crate::cli::error::CliError;
 use crate::cli::plan::planned;
 use crate::cli::plan::write_job;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::{OutputFile, OutputPath};
+use crate::cli::terminal::output_file::OutputFile;
 use crate::cli::terminal::result_kind::{MACHINE, PATTERN};
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;

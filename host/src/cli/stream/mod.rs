@@ -17,21 +17,17 @@ use crate::cli::reading::job;
 use crate::cli::reading::job::Job;
 use crate::cli::stream::heat::{StreamHeat, pause_heat_max_min};
 use crate::cli::stream::leave::leave;
-use crate::cli::stream::problems::Problems;
+use crate::cli::stream::problems::{Problems, log_file};
 use crate::cli::stream::resume_from::Resumed;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::OutputFile;
 use crate::cli::terminal::result_kind::LOG;
-use crate::drive::link_log::LinkLog;
-use crate::drive::log_place::UNWRITTEN;
 use crate::drive::patience::{Patience, Wait};
 use crate::drive::pause_heat::{PauseHeat, PauseNews};
 use crate::drive::pump::{LineEvent, Pump, host_session};
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
 use crate::drive::stream_progress::{Progress, Timeline};
-use crate::drive::synced_file::SyncedFile;
-use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::message::{Control, DeviceState, RefusalReason, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
@@ -176,26 +172,6 @@ pub(crate) fn give(
         })?;
     }
     Ok(())
-}
-
-/// The requested log.
-fn log_file(
-    log: Option<&OutputFile>,
-    machine: &MachineConfiguration,
-    resumed: Option<&Resumed>,
-) -> Result<Option<LinkLog>, CliError> {
-    let Some(path) = log.map(OutputFile::path) else {
-        return Ok(None);
-    };
-    let file = SyncedFile::create(path, UNWRITTEN).map_err(|problem| CliError::File {
-        path: path.display().to_string(),
-        problem,
-    })?;
-    let mut log = LinkLog::new(Box::new(file), Some(machine));
-    if let Some(rest) = resumed {
-        log.remark(&rest.remark);
-    }
-    Ok(Some(log))
 }
 
 fn bar(console: &Console) -> ProgressBar {

@@ -5,7 +5,7 @@
 //! here; files that an aperture, `--axes` or a machine file names are read too. A file is known by its device and
 //! number, elsewhere than on Unix by its real path.
 //!
-//! [`OutputPath`]: crate::cli::terminal::output_file::OutputPath
+//! [`OutputPath`]: crate::cli::args::output_path::OutputPath
 
 use crate::cli::args::board::Place;
 use crate::cli::error::CliError;

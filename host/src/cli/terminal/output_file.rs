@@ -13,6 +13,7 @@
 //! directly. Not covered: the log of a line (`--log`), which has to contain everything up to a crash.
 //! A program that is killed leaves its `.part` file.
 
+use crate::cli::args::output_path::OutputPath;
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::named_files::parent;
@@ -37,22 +38,6 @@ const REPORT_NAMES: [&str; 6] = [
     "space.svg",
 ];
 
-/// A file or folder that a command writes, as it is named; it is written only once it is checked.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct OutputPath(PathBuf);
-
-impl From<OsString> for OutputPath {
-    fn from(name: OsString) -> OutputPath {
-        OutputPath(name.into())
-    }
-}
-
-impl From<PathBuf> for OutputPath {
-    fn from(path: PathBuf) -> OutputPath {
-        OutputPath(path)
-    }
-}
-
 /// A file that may be written.
 #[derive(Clone, Debug)]
 pub(crate) struct OutputFile {
@@ -62,17 +47,12 @@ pub(crate) struct OutputFile {
 }
 
 impl OutputPath {
-    /// The name, for others that are made from it.
-    pub(crate) fn name(&self) -> &Path {
-        &self.0
-    }
-
     /// Says before the work, not after it, that a file cannot or must not be written there. Existing files are
     /// unchanged, and no temporary file remains.
     pub(crate) fn file(&self, kind: ResultKind, console: &Console) -> Result<OutputFile, CliError> {
-        let (path, files) = (&self.0, console.files());
+        let (path, files) = (self.name(), console.files());
         let file = OutputFile {
-            path: path.clone(),
+            path: path.to_path_buf(),
             kind,
             force: files.force,
         };
@@ -90,7 +70,7 @@ impl OutputPath {
 
     /// The same for a report's folder, which is made if it is missing: an existing one must be a report.
     pub(crate) fn report(&self, console: &Console) -> Result<ReportFolder, CliError> {
-        let (folder, files) = (&self.0, console.files());
+        let (folder, files) = (self.name(), console.files());
         check_folder(folder)?;
         files.claim(folder)?;
         let layers = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -103,7 +83,7 @@ impl OutputPath {
             files.claim(&folder.join(name))?;
         }
         let report = ReportFolder {
-            folder: folder.clone(),
+            folder: folder.to_path_buf(),
             force: files.force,
         };
         report.check_replaceable(REPORT_NAMES.into_iter())?;

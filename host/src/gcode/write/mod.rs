@@ -6,7 +6,8 @@
 //! ```
 //! In: a job's stream in machine coordinates, options. Out: text of the [`Dialect`], and [`Written`]: how many
 //! moves it has, and how many a second at most. Orders of heaters and fans stand where the job has them, a move
-//! ending there; behind the last all heaters are off. X Y Z are the tip; a tilt is A B with the head at R_x(A) R_y(B) R_z(C), C the heading, degrees.
+//! ending there; behind the last all heaters are off. X Y Z are the tip; a tilt is A B with the head at R_x(A) R_y(B)
+//! R_z(C), C the heading, degrees.
 //! Time is the stream's: each move lasts as long as its ticks. Leaves out pressure advance (the controller's
 //! own), and axes of machines that do not know the tip.
 
