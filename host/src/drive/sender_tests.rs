@@ -334,7 +334,12 @@ fn frames_that_an_abort_overtakes_are_no_loss_of_the_stream() {
         |ms, sender, device| {
             if ms == 500 {
                 sender.command(Control::Abort);
+            }
+            // The abort is on its way, a frame behind it is refused first.
+            if ms == 501 {
+                let (sequence, reason) = (device.expected as u16, RefusalReason::NoStream);
                 device.predictor = None;
+                device.say(&DeviceMessage::Refused(Refusal { sequence, reason }));
             }
         },
     );
