@@ -4,6 +4,7 @@
 //! A [`Transport`] is a line that may lose, delay or damage bytes; it knows no frames. An error
 //! means that the line is lost and must be reopened.
 
+#[cfg(feature = "serial")]
 use crate::drive::host_clock::HostClock;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
