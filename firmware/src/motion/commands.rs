@@ -43,10 +43,7 @@ impl Motion {
         if self.reference.lost != 0 {
             return Err(CommandError::Invalid);
         }
-        if !self.joints.take_solution(solution) {
-            return Err(CommandError::Invalid);
-        }
-        self.place(position, units, self.reference.known)?;
+        self.place(position, units, self.reference.known, solution)?;
         self.queue.clear();
         self.events.clear();
         self.state = State::Filling(Stream::NEW);
@@ -68,15 +65,34 @@ impl Motion {
         if !self.is_free() {
             return Err(CommandError::Busy);
         }
-        self.place(position, &Units::BASE, 0)?;
+        self.place(position, &Units::BASE, 0, self.joints.solution())?;
         if let Some(standing) = self.state.standing_mut() {
             standing.on_pose = true;
         }
         Ok(())
     }
 
-    /// Takes over a pose at rest, only if the `known` joints are there already.
+    /// Takes over a pose at rest in a joint solution, only if the `known` joints are there already.
     fn place(
+        &mut self,
+        position: &ChannelPoint,
+        units: &Units,
+        known: u8,
+        solution: u8,
+    ) -> Result<(), CommandError> {
+        let before = self.joints.branch();
+        let placed = match self.joints.take_solution(solution) {
+            true => self.place_here(position, units, known),
+            false => Err(CommandError::Invalid),
+        };
+        if placed.is_err() {
+            self.joints.go_back(&before);
+        }
+        placed
+    }
+
+    /// The same in the present solution.
+    fn place_here(
         &mut self,
         position: &ChannelPoint,
         units: &Units,
@@ -119,8 +135,12 @@ impl Motion {
         &mut self,
         pose: &RestPose,
     ) -> Result<[i64; MOTORS_MAX], CommandError> {
+        let before = self.joints.branch();
         let targets = self.joints.targets(pose);
-        targets.map_err(|_| CommandError::Invalid)
+        targets.map_err(|_| {
+            self.joints.go_back(&before);
+            CommandError::Invalid
+        })
     }
 
     /// True while frames of a stream are expected: it is open and has no end yet. After a fault

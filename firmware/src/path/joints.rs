@@ -75,6 +75,13 @@ pub struct Reach {
     pub jumps: u32,
 }
 
+/// The joint solution in use, and the turns of its joints: a command that is refused leaves both.
+#[derive(Clone, Copy, Debug)]
+pub struct Branch {
+    solution: u8,
+    winding: Winding<f32>,
+}
+
 /// All joints.
 #[derive(Clone, Debug)]
 pub struct JointTargets {
@@ -144,6 +151,21 @@ impl JointTargets {
         self.kinematics = self.kinematics.with_solution(solution);
         self.model = Model::new(&self.kinematics);
         true
+    }
+
+    /// The present branch.
+    pub fn branch(&self) -> Branch {
+        Branch {
+            solution: self.solution(),
+            winding: self.winding,
+        }
+    }
+
+    /// Goes back to a branch that was the present one.
+    pub fn go_back(&mut self, branch: &Branch) {
+        // It was taken once.
+        let _ = self.take_solution(branch.solution);
+        self.winding = branch.winding;
     }
 
     /// Number of joints.

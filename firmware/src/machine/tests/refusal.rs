@@ -392,3 +392,66 @@ fn a_second_line_hears_and_stops_but_neither_streams_nor_moves() {
     assert_eq!(host.faults[0].cause, FaultCause::Emergency);
     assert_eq!(host.counter.steps, steps);
 }
+
+#[test]
+fn what_is_refused_leaves_a_machine_in_its_joint_solution_and_its_turns() {
+    // Goal: an opening or a command that is refused moves nothing, on a machine that stands on its path. Method: a table
+    // that can hold a pose in two ways, asked to open streams the other way and turned, and to go out of its range; each
+    // refusal, then ticks without a step, then the opening that is right.
+    let (configuration, job) = (units::trunnion(), units::cone());
+    let start = |solution: u8, position| {
+        HostMessage::Start(Start {
+            job: 3,
+            machine_hash: configuration.hash(),
+            first_sequence: 7000,
+            position,
+            solution,
+            units: Units::BASE,
+        })
+    };
+    let leaning = |towards_rad: f64| {
+        let mut position = job.start;
+        position[3] = (-3e5 * towards_rad.sin()) as i32;
+        position[4] = (3e5 * towards_rad.cos()) as i32;
+        position
+    };
+    // The table turns from one side of its half turn to the other.
+    let here = leaning(3.0);
+    let far = |mut position: ChannelPoint| {
+        position[0] = 9_000_000;
+        position
+    };
+    let turned = [-3.0, -2.0, -1.0, 0.0, 1.0, 2.0].map(leaning);
+    let turned = turned.map(|position| {
+        [
+            start(1, position),
+            HostMessage::Control(Control::GoTo(far(position))),
+            HostMessage::Control(Control::SetPosition(far(position))),
+        ]
+    });
+    let others = [[start(0, here), start(9, here), start(0, far(here))]];
+    for (number, wrong) in others.into_iter().chain(turned).enumerate() {
+        let machine = Machine::new(&configuration, 77).unwrap();
+        let mut host = Host::greet(machine, &job);
+        host.control(HostMessage::Control(Control::SetPosition(here)));
+        (0..50).for_each(|_| host.tick());
+        let steps = host.counter.steps;
+        for (place, message) in wrong.into_iter().enumerate() {
+            host.refusals.clear();
+            host.control(message);
+            host.poll();
+            assert_eq!(host.refusals, [RefusalReason::Invalid], "{number} {place}");
+            (0..50).for_each(|_| host.tick());
+            let motion = host.machine.motion();
+            assert_eq!(
+                (host.counter.steps, motion.fault()),
+                (steps, None),
+                "{number} {place}"
+            );
+        }
+        host.refusals.clear();
+        host.control(start(1, here));
+        host.poll();
+        assert_eq!(host.refusals, [], "{number}");
+    }
+}

@@ -49,7 +49,7 @@ fn in_base_units(job: &Job) -> Job {
 }
 
 /// The gantry of the tests with its tilt in the table.
-fn trunnion() -> MachineConfiguration {
+pub(super) fn trunnion() -> MachineConfiguration {
     let mut configuration = gantry();
     configuration.kinematics = Kinematics::Trunnion {
         centre_mm: [0.0, 0.0, -40.0],
@@ -59,7 +59,7 @@ fn trunnion() -> MachineConfiguration {
 }
 
 /// A ring on a cone: leans outwards all round, so that a table has one way to hold it.
-fn cone() -> Job {
+pub(super) fn cone() -> Job {
     Job::of_curve(6.0, 10, |s| {
         let a = s * core::f64::consts::TAU / 6.0;
         let (sin, cos) = a.sin_cos();
