@@ -249,13 +249,14 @@ impl Guard {
                 }
                 self.forgive(reading_c);
             }
-            off if was_there && before_c != target_c => {
-                // It has to get there first.
-                self.reached = false;
-                self.has_risen = false;
+            off => {
+                if was_there && before_c != target_c {
+                    // It has to get there first.
+                    self.reached = false;
+                    self.has_risen = false;
+                }
                 return self.off(heater, off, reading_c);
             }
-            off => return self.off(heater, off, reading_c),
         }
         None
     }

@@ -36,6 +36,19 @@ impl Hot {
         }
     }
 
+    /// In mid job, its hot end at 200 °C.
+    pub(super) fn printing() -> Self {
+        let job = flower();
+        let mut hot = Self::new(200.0);
+        hot.heat(0, 2000, false);
+        for _ in 0..15 {
+            hot.host.send(&job, 8, 16);
+            hot.run(200);
+        }
+        assert_eq!(hot.host.machine.motion().state(), DeviceState::Running);
+        hot
+    }
+
     pub(super) fn heat(&mut self, heater: u8, decidegrees: u16, wait: bool) {
         self.host.control(HostMessage::Control(Control::Heat {
             heater,
@@ -95,13 +108,7 @@ fn a_stream_waits_at_rest_until_its_heater_is_there() {
 #[test]
 fn a_broken_sensor_brings_the_head_to_rest_and_pulls_the_melt_back() {
     let job = flower();
-    let mut hot = Hot::new(200.0);
-    hot.heat(0, 2000, false);
-    for _ in 0..15 {
-        hot.host.send(&job, 8, 16);
-        hot.run(200);
-    }
-    assert_eq!(hot.host.machine.motion().state(), DeviceState::Running);
+    let mut hot = Hot::printing();
     hot.open = true;
     let mut latched = None;
     for tick in 0..3000 {

@@ -71,22 +71,10 @@ const JOG: Control = Control::Jog {
     speed_units_s: 100_000,
 };
 
-fn printing() -> Hot {
-    let job = flower();
-    let mut hot = Hot::new(200.0);
-    hot.heat(0, 2000, false);
-    for _ in 0..15 {
-        hot.host.send(&job, 8, 16);
-        hot.run(200);
-    }
-    assert_eq!(hot.host.machine.motion().state(), DeviceState::Running);
-    hot
-}
-
 #[test]
 fn a_greeting_on_another_line_takes_no_numbers_and_a_stop_counts_whatever_its_number() {
     // The first host's stop, after a greeting far ahead of its numbers.
-    let mut hot = printing();
+    let mut hot = Hot::printing();
     let mut other = Other::new();
     other.say(&mut hot, hello(99));
     assert_eq!(other.order(&mut hot, heat(2400)), Some(RefusalReason::Busy));
@@ -104,7 +92,7 @@ fn a_greeting_on_another_line_takes_no_numbers_and_a_stop_counts_whatever_its_nu
     assert_eq!(hot.host.counter.steps, steps);
     // A stop from a line that never greeted, and one with a number that is long past.
     for greeted in [false, true] {
-        let mut hot = printing();
+        let mut hot = Hot::printing();
         let mut other = Other::new();
         if greeted {
             other.say(&mut hot, hello(99));
@@ -151,7 +139,7 @@ fn only_frames_of_the_host_that_heats_keep_its_heater_on() {
 
 #[test]
 fn any_line_may_lower_heat_and_owns_nothing_by_that() {
-    let mut hot = printing();
+    let mut hot = Hot::printing();
     let mut other = Other::new();
     other.say(&mut hot, hello(99));
     assert_eq!(other.order(&mut hot, heat(2001)), Some(RefusalReason::Busy));
@@ -206,7 +194,7 @@ fn another_host_gets_the_machine_from_one_that_is_done_silent_or_replaced() {
 #[test]
 fn what_is_refused_takes_the_machine_from_nobody() {
     // The host of an open stream sleeps: another one asks for what cannot be done then.
-    let mut hot = printing();
+    let mut hot = Hot::printing();
     hot.run(31 * 2000);
     let mut other = Other::new();
     other.say(&mut hot, hello(99));
