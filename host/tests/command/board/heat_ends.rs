@@ -13,7 +13,6 @@ use serde_json::{Map, Value};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// Longest that anything may take on a busy machine.
@@ -76,12 +75,6 @@ fn assert_ordered_off(board: &Board, what: &str) {
     });
 }
 
-fn signal(host: &Host, name: &str) {
-    let pid = host.child.id().to_string();
-    let killed = Command::new("kill").args([name, &pid]).status();
-    assert!(killed.unwrap().success());
-}
-
 /// Posts an order to the page of a host.
 fn post(host: &Host, order: &str) {
     host.wait_for("page: http://");
@@ -133,7 +126,7 @@ fn a_stream_that_a_signal_ends_leaves_nothing_hot() {
         wait_until(&board, "heating", |status| status["state"] == "heating");
         let times = if name == "-INT" { 3 } else { 1 };
         for time in 1..=times {
-            signal(&host, name);
+            host.signal(name);
             if time < times {
                 host.wait_for(["pausing on the path", "aborting on the path"][time - 1]);
             }
@@ -155,7 +148,7 @@ fn a_stream_that_is_ended_while_it_heats_prints_nothing() {
     let host = Host::start(&["stream", &job, "--port", &board.port, "--hot-end", "200"]);
     wait_until(&board, "heating", |status| status["state"] == "heating");
     let before = status(&board)["counts"].clone();
-    signal(&host, "-TERM");
+    host.signal("-TERM");
     let (well, _, said) = host.end();
     assert!(!well && said.contains("start it again"), "{said}");
     assert!(!said.contains("--resume"), "{said}");
@@ -175,7 +168,7 @@ fn heating_and_tuning_by_hand_that_a_signal_ends_leave_nothing_hot() {
         let board = board(&folder);
         let host = Host::start(&["board", command, "hot-end", "200", "--port", &board.port]);
         wait_until(&board, "heating", |status| targets(status)[0] >= 200.0);
-        signal(&host, name);
+        host.signal(name);
         let (well, _, said) = host.end();
         assert!(
             !well && said.contains("off again"),
@@ -197,7 +190,7 @@ fn break_off(host: &mut Host, how: &str) {
     match how {
         "page" => post(host, "stop"),
         "stdin" => host.type_line("stop"),
-        _ => signal(host, how),
+        _ => host.signal(how),
     }
 }
 

@@ -417,16 +417,7 @@ fn a_print_outlives_its_host_that_stood_for_13_seconds() {
     board.wait_for("listens on");
     let host = Host::start(&["stream", &job, "--port", &port, "--json"]);
     sleep_into_the_job();
-    let pid = host.child.id().to_string();
-    let signal = |name: &str| {
-        let sent = std::process::Command::new("kill")
-            .args([name, &pid])
-            .status();
-        assert!(sent.unwrap().success());
-    };
-    signal("-STOP");
-    std::thread::sleep(Duration::from_secs(13));
-    signal("-CONT");
+    host.stand(Duration::from_secs(13));
     let (well, figures, said) = host.end();
     assert!(well && figures["done"] == true, "{said}");
     assert!(figures["took_s"].as_f64().unwrap() > 13.0, "{figures}");
@@ -468,16 +459,7 @@ fn a_print_with_heat_outlives_its_host_that_stood_for_40_seconds() {
         "--json",
     ]);
     std::thread::sleep(Duration::from_secs(20));
-    let pid = host.child.id().to_string();
-    let signal = |name: &str| {
-        let kill = std::process::Command::new("kill")
-            .args([name, &pid])
-            .status();
-        assert!(kill.unwrap().success());
-    };
-    signal("-STOP");
-    std::thread::sleep(Duration::from_secs(40));
-    signal("-CONT");
+    host.stand(Duration::from_secs(40));
     let (well, figures, said) = host.end();
     assert!(well && figures["done"] == true, "{said}");
     assert!(said.contains("heating again"), "{said}");

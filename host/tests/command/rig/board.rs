@@ -154,14 +154,21 @@ impl Host {
     }
 
     pub fn interrupt(&self) {
+        self.signal("-INT");
+    }
+
+    /// A signal by its name, as `-TERM`.
+    pub fn signal(&self, name: &str) {
         let pid = self.child.id().to_string();
-        assert!(
-            Command::new("kill")
-                .args(["-INT", &pid])
-                .status()
-                .unwrap()
-                .success()
-        );
+        let sent = Command::new("kill").args([name, &pid]).status();
+        assert!(sent.unwrap().success());
+    }
+
+    /// Its process stands for a time.
+    pub fn stand(&self, time: Duration) {
+        self.signal("-STOP");
+        std::thread::sleep(time);
+        self.signal("-CONT");
     }
 
     pub fn type_line(&mut self, line: &str) {
