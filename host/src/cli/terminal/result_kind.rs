@@ -29,23 +29,24 @@ const fn kind(name: &'static str, is_one: fn(&[u8]) -> bool) -> ResultKind {
     }
 }
 
-const fn kept(name: &'static str, is_one: fn(&[u8]) -> bool) -> ResultKind {
-    let is_kept = true;
-    ResultKind {
-        name,
-        is_one,
-        is_kept,
+impl ResultKind {
+    const fn kept(self) -> ResultKind {
+        ResultKind {
+            is_kept: true,
+            ..self
+        }
     }
 }
 
 pub(crate) const JOB: ResultKind = kind("a job", |head| head.starts_with(MAGIC));
 /// The job of a pattern to measure: printed once, read later.
-pub(crate) const PATTERN: ResultKind = kept("a job", JOB.is_one);
-pub(crate) const MACHINE: ResultKind = kept("a machine file", |head| {
+pub(crate) const PATTERN: ResultKind = JOB.kept();
+pub(crate) const MACHINE: ResultKind = kind("a machine file", |head| {
     head.starts_with(b"# Headway machine file")
-});
+})
+.kept();
 /// A log is what a print is resumed from: none is ever replaced.
-pub(crate) const LOG: ResultKind = kept("an empty file", |_| false);
+pub(crate) const LOG: ResultKind = kind("an empty file", |_| false).kept();
 pub(crate) const TABLE: ResultKind = kind("a table of headway", |head| {
     let joints = FIRST_COLUMNS.join(",");
     let heads = [POSE_HEADER, "t_us,motor,dir", HEADER, &joints];

@@ -4,7 +4,7 @@
 //! Joints are axes by their names: tilts take those that tilt, and what a machine has no joint for, as an arm for X Y Z, is
 //! the built-in machine's.
 
-use crate::settings::joint_names;
+use crate::settings::{joint_names, linear_joint_number};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::kinematics::joint_channels;
 use headway_protocol::units::CHANNEL_HEADING;
@@ -46,7 +46,8 @@ impl AxisLimits {
         let kinematics = &machine.kinematics;
         let names = joint_names(kinematics);
         let number = |name: &str| names.iter().position(|own| *own == name);
-        let [x, y, z, a, b] = ["x", "y", "z", "a", "b"].map(number);
+        let [a, b] = ["a", "b"].map(number);
+        let [x, y, z] = [0, 1, 2].map(|axis| linear_joint_number(kinematics, axis));
         let channels = joint_channels(kinematics).iter();
         let heading = channels
             .copied()

@@ -166,11 +166,11 @@ pub fn skirt_plan(
 fn loop_grounds(regions: &[Region], offset: Vector2, frame: Ring) -> Vec<LoopGround> {
     let holes = regions.iter().flat_map(|region| &region.holes);
     let inside = holes.filter_map(|hole| {
+        let alone = Region {
+            exterior: hole.clone(),
+            holes: Vec::new(),
+        };
         let is_in = |region: &&Region| {
-            let alone = Region {
-                exterior: hole.clone(),
-                holes: Vec::new(),
-            };
             let first = region.exterior.points.first();
             first.is_some_and(|first| alone.contains(*first))
         };
