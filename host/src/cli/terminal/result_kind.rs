@@ -21,11 +21,10 @@ pub(crate) struct ResultKind {
 }
 
 const fn kind(name: &'static str, is_one: fn(&[u8]) -> bool) -> ResultKind {
-    let is_kept = false;
     ResultKind {
         name,
         is_one,
-        is_kept,
+        is_kept: false,
     }
 }
 

@@ -45,8 +45,7 @@ impl AxisLimits {
     pub fn of_machine(machine: &MachineConfiguration, filament_mm2: f64) -> AxisLimits {
         let kinematics = &machine.kinematics;
         let names = joint_names(kinematics);
-        let number = |name: &str| names.iter().position(|own| *own == name);
-        let [a, b] = ["a", "b"].map(number);
+        let [a, b] = ["a", "b"].map(|name| names.iter().position(|own| *own == name));
         let [x, y, z] = [0, 1, 2].map(|axis| linear_joint_number(kinematics, axis));
         let channels = joint_channels(kinematics).iter();
         let heading = channels
