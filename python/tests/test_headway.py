@@ -105,9 +105,9 @@ def test_joints_are_those_of_the_command_and_make_the_poses(job, tmp_path):
         ("python.json", "ros2-json --every-ms 20 --joint-names a,b,c,d"),
         ("python.yaml", "ros2-yaml --every-ms 20"),
     ]:
-        made = [command(), "export", tmp_path / "job.hwj", "-o", tmp_path / "command", "--to"]
+        made = [command(), "export", tmp_path / "job.hwj", "-o", tmp_path / f"of-{name}", "--to"]
         subprocess.run(made + options.split(), check=True)
-        assert (tmp_path / name).read_bytes() == (tmp_path / "command").read_bytes(), name
+        assert (tmp_path / name).read_bytes() == (tmp_path / f"of-{name}").read_bytes(), name
 
 
 def test_waypoints_of_numpy_are_those_of_a_file(tmp_path):

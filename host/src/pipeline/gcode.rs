@@ -11,7 +11,7 @@
 
 use super::{PlanError, start_pose};
 use crate::gcode::comments::Slicer;
-use crate::gcode::{GcodeProgram, check_days};
+use crate::gcode::{GcodePass, GcodeProgram, check_days};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Box2;
 use crate::job::SegmentStream;
@@ -19,6 +19,7 @@ use crate::job::heat::HeatEvent;
 use crate::job::transform::PartTransform;
 use crate::pipeline::gcode_heat::{LaidPasses, events_behind, events_of};
 use crate::pipeline::gcode_touches::{Collector, Descent, descent};
+use crate::pipeline::stop_room::with_stop_room;
 use crate::plan::judge::figures::PlanFigures;
 use crate::plan::judge::measure::measure;
 use crate::plan::judge::touches::Touches;
@@ -30,6 +31,7 @@ use crate::plan::route::gcode_route::{GcodeRoute, GcodeWay, gcode_route};
 use crate::plan::route::told_headings::HeadingJumps;
 use crate::settings::Settings;
 use headway_firmware::kinematics::winds;
+use headway_protocol::units::CHANNELS;
 
 /// A planned file.
 #[derive(Clone, Debug)]
@@ -77,6 +79,7 @@ pub fn plan_gcode(
     let way = GcodeWay {
         slicer: program.slicer,
         headings_told: program.has_headings,
+        stop_room_rad: 0.0,
         offset_mm: transform.offset_mm,
         settings: &settings,
     };
@@ -103,19 +106,10 @@ pub fn plan_gcode(
     let mut first = 0;
     for (number, piece) in pieces.enumerate() {
         let first_pass = planned.figures.passes as u32;
-        let mut made = gcode_route(piece, first_pass, at, &way);
-        if number + 1 == count {
-            lift_at_end(&mut made.route, &settings);
-        }
+        let is_last = number + 1 == count;
+        let (made, (laid, report)) = laid_piece(piece, first_pass, at, is_last, &way, progress)?;
+        at = made.route.end().unwrap_or(at);
         collector.add(&made.route, &settings);
-        let (laid, report) = match made.route.end() {
-            Some(end) => {
-                at = end;
-                lay_segments_with_progress(&made.route, &settings, progress)?
-            }
-            // None of its beads is printed; what it orders of heaters still is.
-            None => Default::default(),
-        };
         let laid_passes = LaidPasses {
             first,
             passes: piece,
@@ -125,9 +119,10 @@ pub fn plan_gcode(
         };
         let of_piece = events_of(&program.heat, &laid_passes, planned.end_tick());
         planned.heat.extend(of_piece);
-        let numbered = made.numbers.iter().enumerate();
-        let followed = numbered.filter(|(_, number)| number.is_some());
-        planned.file_passes.extend(followed.map(|(k, _)| first + k));
+        for (k, numbers) in made.numbers.iter().enumerate() {
+            let parts = numbers.map_or(0, |[from, to]| to - from + 1);
+            planned.file_passes.extend((0..parts).map(|_| first + k));
+        }
         first += piece.len();
         if !laid.knots.is_empty() {
             planned.add(laid, &report, &made, progress)?;
@@ -138,6 +133,33 @@ pub fn plan_gcode(
     planned.heat.extend(behind);
     planned.touches = collector.touches(&settings);
     Ok(planned)
+}
+
+/// The route of a piece from a pose on, and its motion.
+fn laid_piece(
+    piece: &[GcodePass],
+    first_pass: u32,
+    at: [f64; CHANNELS],
+    is_last: bool,
+    way: &GcodeWay,
+    progress: &dyn Progress,
+) -> Result<(GcodeRoute, (SegmentStream, MotionReport)), PlanError> {
+    with_stop_room(way.settings, |stop_room_rad| {
+        let way = GcodeWay {
+            stop_room_rad,
+            ..*way
+        };
+        let mut made = gcode_route(piece, first_pass, at, &way);
+        if is_last {
+            lift_at_end(&mut made.route, way.settings);
+        }
+        let laid = match made.route.moves.is_empty() {
+            // None of its beads is printed; what it orders of heaters still is.
+            true => Default::default(),
+            false => lay_segments_with_progress(&made.route, way.settings, progress)?,
+        };
+        Ok((made, laid))
+    })
 }
 
 /// Fails with the line where the job would take months, by its speeds and by what the extruder can lay: the

@@ -28,8 +28,8 @@ pub(crate) struct LaidPasses<'a> {
     pub first: usize,
     /// Them.
     pub passes: &'a [GcodePass],
-    /// What number each has in the job; none where it is not printed.
-    pub numbers: &'a [Option<u32>],
+    /// What numbers each has in the job, first and last; none where it is not printed.
+    pub numbers: &'a [Option<[u32; 2]>],
     /// Their stream; ticks from 0.
     pub stream: &'a SegmentStream,
     /// Machine coordinates of the file's origin, mm.
@@ -54,14 +54,14 @@ pub(crate) fn events_of(orders: &[PlacedOrder], laid: &LaidPasses, before: u64) 
     let mut next_printed = vec![None; laid.passes.len() + 1];
     for pass in (0..laid.passes.len()).rev() {
         let own = laid.numbers.get(pass).copied().flatten();
-        next_printed[pass] = own.or(next_printed[pass + 1]);
+        next_printed[pass] = own.map(|[first, _]| first).or(next_printed[pass + 1]);
     }
     let mut events = Vec::with_capacity(to - from);
     for placed in &orders[from..to] {
         let pass = pass_of(placed) - laid.first;
-        let number = laid.numbers.get(pass).copied().flatten();
+        let numbers = laid.numbers.get(pass).copied().flatten();
         let tick = match (
-            number.and_then(|number| marks.ticks_of(number)),
+            numbers.and_then(|numbers| marks.ticks_of(numbers)),
             placed.place,
         ) {
             (Some(ticks), HeatPlace::Point(_, point)) => {
@@ -118,8 +118,12 @@ impl<'a> MarksOfPasses<'a> {
         MarksOfPasses { marks, of_pass }
     }
 
-    fn ticks_of(&self, number: u32) -> Option<[u64; 2]> {
-        let [first, last] = *self.of_pass.get(&number)?;
+    fn ticks_of(&self, numbers: [u32; 2]) -> Option<[u64; 2]> {
+        let [Some([first, _]), Some([_, last])] = numbers.map(|number| self.of_pass.get(&number))
+        else {
+            return None;
+        };
+        let [first, last] = [*first, *last];
         Some([self.marks[first].start_tick, self.marks[last].end_tick])
     }
 

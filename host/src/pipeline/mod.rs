@@ -36,6 +36,7 @@ pub mod roofs;
 pub mod shards;
 pub mod stack;
 pub mod stacked_ground;
+mod stop_room;
 pub mod surface;
 pub mod two_bead_walls;
 mod waypoints;

@@ -4,8 +4,8 @@ use super::{PlanError, start_pose};
 use crate::geometry::polygon::Box2;
 use crate::job::transform::PartTransform;
 use crate::plan::motion::best_place::{FoundPlace, best_place, moved};
-use crate::plan::motion::lift_off::Cuts;
 use crate::plan::motion::singular::{Passes, SingularPlaces, passed_places};
+use crate::plan::route::curve_cuts::Cuts;
 use crate::settings::{Place, Settings};
 
 /// Passes at their position on the machine, led past singular poses.

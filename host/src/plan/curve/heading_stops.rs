@@ -10,24 +10,14 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::coverage::deposited_area::DepositedArea;
+use crate::plan::headings::stops::{Stops, cheapest_cuts};
 use crate::plan::pass::LayerPass;
 use crate::settings::Settings;
 use std::cell::OnceCell;
-use std::cmp::Reverse;
-use std::collections::{BinaryHeap, VecDeque};
 
 /// Turn left before each stop, rad, tried in this order: the curve is sharpened and pushed
 /// off the walls, and its headings leave those of the placements by a few degrees at the most.
 const ROOM_RAD: [f64; 3] = [0.03, 0.1, 0.25];
-
-/// Stops of the joint that follows the heading one to one, rad; the tool is upright.
-pub fn heading_range(settings: &Settings) -> [f64; 2] {
-    settings
-        .heading_joint()
-        .map_or([f64::NEG_INFINITY, f64::INFINITY], |joint| {
-            [joint.position_min, joint.position_max]
-        })
-}
 
 /// Cuts the passes of a region where they turn further than the nozzle may.
 pub struct PassCutter<'a> {
@@ -99,11 +89,8 @@ impl<'a> PassCutter<'a> {
     }
 
     fn headings_fit(&self, headings: impl Iterator<Item = f64>) -> bool {
-        let range_rad = headings.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], at| {
-            [least.min(at), most.max(at)]
-        });
         let slack_rad = self.settings.tolerances.heading_rad;
-        self.stops.fit(range_rad, slack_rad)
+        self.stops.headings_fit(headings, slack_rad)
     }
 
     /// The pass, or pieces of it that fit: of the fewest those that cover the least area twice.
@@ -136,90 +123,6 @@ impl<'a> PassCutter<'a> {
         });
         pieces.collect()
     }
-}
-
-struct Stops {
-    range_rad: [f64; 2],
-    period_rad: f64,
-}
-
-impl Stops {
-    /// The stops as headings of a frame.
-    fn seen_from(frame: &Frame, settings: &Settings) -> Stops {
-        let [one_rad, other_rad] = heading_range(settings).map(|rad| frame.angle_in(rad));
-        Stops {
-            range_rad: [one_rad.min(other_rad), one_rad.max(other_rad)],
-            period_rad: settings.aperture.period_rad(),
-        }
-    }
-
-    /// True where headings from the least to the most fit between the stops, some periods away.
-    fn fit(&self, [least_rad, most_rad]: [f64; 2], room_rad: f64) -> bool {
-        let [low_rad, high_rad] = self.range_rad;
-        let first = ((low_rad + room_rad - least_rad) / self.period_rad).ceil();
-        let last = ((high_rad - room_rad - most_rad) / self.period_rad).floor();
-        first <= last
-    }
-
-    /// For each heading the earliest one before it from which all up to it fit; `None` if one does
-    /// not fit with its predecessor.
-    fn fits_from(&self, headings: &[f64], room_rad: f64) -> Option<Vec<usize>> {
-        // Headings that are the least, the most of all after them.
-        let (mut least, mut most) = (VecDeque::new(), VecDeque::new());
-        let (mut from, mut fits_from) = (0, Vec::with_capacity(headings.len()));
-        for (number, &heading_rad) in headings.iter().enumerate() {
-            for (ends, sign) in [(&mut least, 1.0), (&mut most, -1.0)] {
-                while ends
-                    .back()
-                    .is_some_and(|&end: &usize| sign * (headings[end] - heading_rad) >= 0.0)
-                {
-                    ends.pop_back();
-                }
-                ends.push_back(number);
-            }
-            while !self.fit([headings[least[0]], headings[most[0]]], room_rad) {
-                from += 1;
-                if from >= number.max(1) {
-                    return None;
-                }
-                for ends in [&mut least, &mut most] {
-                    while ends[0] < from {
-                        ends.pop_front();
-                    }
-                }
-            }
-            fits_from.push(from);
-        }
-        Some(fits_from)
-    }
-}
-
-/// Of the sets with the fewest cuts the cheapest one. Pieces share the placement at a cut; one that
-/// ends with a placement begins at `fits_from` or later.
-fn cheapest_cuts(fits_from: &[usize], cost: impl Fn(usize) -> i64) -> Vec<usize> {
-    // For each placement the cuts and what they cost if there is one here, and where the one before
-    // it is.
-    let mut cut_at: Vec<(Reverse<(u32, i64)>, usize)> = vec![(Reverse((0, 0)), 0)];
-    let mut before: BinaryHeap<(Reverse<(u32, i64)>, usize)> = BinaryHeap::new();
-    for (number, &from) in fits_from.iter().enumerate().skip(1) {
-        before.push((cut_at[number - 1].0, number - 1));
-        while before.peek().is_some_and(|&(_, cut)| cut < from) {
-            before.pop();
-        }
-        let Some(&(Reverse((cuts, costs)), last)) = before.peek() else {
-            return Vec::new();
-        };
-        let own = cost(number);
-        cut_at.push((Reverse((cuts + 1, costs + own)), last));
-    }
-    let mut cuts = Vec::new();
-    let mut at = cut_at.last().map_or(0, |&(_, last)| last);
-    while at > 0 {
-        cuts.push(at);
-        at = cut_at[at].1;
-    }
-    cuts.reverse();
-    cuts
 }
 
 #[cfg(test)]
@@ -292,19 +195,5 @@ mod tests {
         let places = (0..20).map(|i| (Point2::new(f64::from(i), 0.0), 0.2 * f64::from(i)));
         let turning = pass(places, false);
         assert_eq!(pieces(&stops(-45.0, 45.0), &turning), [turning]);
-    }
-
-    /// Goal: the fewest cuts, and of those the cheapest. Method: windows and costs by hand.
-    #[test]
-    fn the_cheapest_of_the_fewest_cuts_are_chosen() {
-        let cheapest = |room: usize, costs: &[i64]| {
-            let fits_from: Vec<usize> = (0..costs.len()).map(|i| i.saturating_sub(room)).collect();
-            cheapest_cuts(&fits_from, |cut| costs[cut])
-        };
-        assert_eq!(cheapest(9, &[5; 10]), [0usize; 0]);
-        assert_eq!(cheapest(6, &[9, 9, 9, 2, 9, 1, 9, 0, 9, 9]), [5]);
-        // After a cut at 1 the next is at 5 at the latest.
-        assert_eq!(cheapest(4, &[9, 0, 9, 4, 9, 9, 9, 3, 9, 9]), [3, 7]);
-        assert_eq!(cheapest(4, &[0; 0]), [0usize; 0]);
     }
 }

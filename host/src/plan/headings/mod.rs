@@ -13,3 +13,4 @@ pub mod heading_law;
 pub mod headings_table;
 pub mod profile;
 pub mod runs;
+pub mod stops;

@@ -16,7 +16,7 @@ pub enum MotionError {
     #[error(
         "joint {name} would go to {}, with the tip at {at_mm:.3?} mm (machine coordinates); {}",
         place_in_range(*rotary, [*position, *minimum, *maximum]),
-        range_hint(name, *rotary)
+        range_hint(name, *rotary, maximum - minimum)
     )]
     OutsideJointRange {
         /// Joint number from 0.
@@ -152,12 +152,19 @@ fn place_in_range(rotary: bool, values: [f64; 3]) -> String {
     format!("{position}{unit}, outside its range {minimum:.3}{unit} to {maximum:.3}{unit}")
 }
 
+/// Range in which every heading can be met, of a nozzle that is the same after half a turn, with room to turn back, rad.
+const HEADING_ROOM_RAD: f64 = 200.0 * std::f64::consts::PI / 180.0;
+
 /// What the user can do.
-fn range_hint(joint_name: &str, rotary: bool) -> &'static str {
+fn range_hint(joint_name: &str, rotary: bool, range: f64) -> &'static str {
     match (joint_name, rotary) {
-        ("c", _) => {
+        ("c", _) if range < HEADING_ROOM_RAD => {
             "passes are cut where the nozzle has to turn back, but for every heading it needs half a \
              turn and some 20° more: give it that range in the machine file"
+        }
+        ("c", _) => {
+            "passes are cut where the nozzle has to turn back, but not where a file fixes a heading that no other \
+             equals: change the headings there, or use a nozzle that is the same after half a turn"
         }
         (_, true) => "tilt the tool less there, turn the part, or move it (--at, --place best)",
         (_, false) => "move the part with --at or use a larger machine",

@@ -18,8 +18,9 @@
 //! passes, the head lifts off there ([`super::lift_off`]).
 
 use crate::plan::motion::joint_turns::{fastest, follow};
-use crate::plan::motion::lift_off::{Cuts, cut_at_the_pole};
+use crate::plan::motion::lift_off::cut_at_the_pole;
 use crate::plan::motion::motion_error::MotionError;
+use crate::plan::route::curve_cuts::Cuts;
 use crate::plan::route::moves::{PathCurve, Route, RouteMove, tilt};
 use crate::plan::route::waypoint_route::waypoint_way;
 use crate::settings::Settings;

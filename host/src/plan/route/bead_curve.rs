@@ -11,6 +11,7 @@
 //! At its heading the nozzle's bead is nearly as wide as the file's (`bead_headings`). Headings in the file are
 //! kept. Not covered: flow onto covered area: volumes are the file's.
 
+pub mod parts;
 mod speeds;
 
 use crate::gcode::comments::Slicer;
@@ -74,14 +75,6 @@ struct Way {
     points: Vec<Place>,
     legs: Vec<Leg>,
     length_mm: Vec<f64>,
-}
-
-impl BeadCurve {
-    /// Headings of all control points.
-    pub fn headings_rad(&self) -> impl Iterator<Item = f64> {
-        let control = self.moves.iter().flat_map(|of_move| &of_move.control);
-        control.map(|point| point[CHANNEL_HEADING])
-    }
 }
 
 /// A pass whose headings are to be chosen, or are given.

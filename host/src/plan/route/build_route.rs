@@ -12,7 +12,7 @@ use crate::geometry::Point2;
 use crate::geometry::place_scale::ScaleField;
 use crate::geometry::plane_curve::configuration;
 use crate::job::MotionState;
-use crate::plan::curve::heading_stops::heading_range;
+use crate::plan::headings::stops::{entry_heading, heading_range, nearest_heading};
 use crate::plan::layers::PlanePass;
 use crate::plan::pass::PassKind;
 use crate::plan::route::flow::QUINTIC_PEAK;
@@ -87,7 +87,7 @@ fn first_pose(passes: &[PlanePass], settings: &Settings) -> [f64; CHANNELS] {
         pose[CHANNEL_X] = x;
         pose[CHANNEL_Y] = y;
         pose[CHANNEL_Z] = pass.z_mm;
-        pose[CHANNEL_HEADING] = entry_heading(pass, 0.0, settings);
+        pose[CHANNEL_HEADING] = entry_heading(headings_rad(pass), 0.0, settings);
     }
     pose
 }
@@ -135,6 +135,10 @@ struct Place {
     z_mm: f64,
     /// The heading in which it is entered: equal to that of the pass for the deposit.
     heading_rad: f64,
+}
+
+fn headings_rad(pass: &PlanePass) -> impl Iterator<Item = f64> {
+    pass.control.iter().map(|control| control[2])
 }
 
 /// True where a pass begins right above the end of the one before it.
@@ -201,7 +205,7 @@ impl Head<'_> {
             layer: pass.layer,
             at: pass.control[0],
             z_mm: pass.z_mm,
-            heading_rad: entry_heading(pass, self.at[CHANNEL_HEADING], self.settings),
+            heading_rad: entry_heading(headings_rad(pass), self.at[CHANNEL_HEADING], self.settings),
         };
         self.travel(&place, ways)
     }
@@ -286,7 +290,7 @@ impl Head<'_> {
     /// material may move: pressure advance reaches ahead by half its window.
     fn rise(&mut self, pass: &PlanePass) {
         let first = pass.control[0];
-        let heading = entry_heading(pass, self.at[CHANNEL_HEADING], self.settings);
+        let heading = entry_heading(headings_rad(pass), self.at[CHANNEL_HEADING], self.settings);
         let to = [
             (CHANNEL_X, first[0]),
             (CHANNEL_Y, first[1]),
@@ -401,51 +405,6 @@ pub fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
     }
 }
 
-/// The heading at which a pass is entered: of those equal to its own for the deposit the nearest to
-/// `from_rad` from which all of the pass stays within the stops of the joint that turns the nozzle.
-/// If there is none, the nearest of all: the check of the joints' ranges then names the joint.
-fn entry_heading(pass: &PlanePass, from_rad: f64, settings: &Settings) -> f64 {
-    entry_heading_of(|| pass.control.iter().map(|c| c[2]), from_rad, settings)
-}
-
-/// The same for a pass with these headings.
-pub fn entry_heading_of<I: Iterator<Item = f64>>(
-    headings_rad: impl Fn() -> I,
-    from_rad: f64,
-    settings: &Settings,
-) -> f64 {
-    let period_rad = settings.aperture.period_rad();
-    let first_rad = headings_rad().next().unwrap_or(from_rad);
-    let nearest_rad = nearest_heading(first_rad, from_rad, period_rad);
-    let [low_rad, high_rad] = heading_range(settings);
-    let turned = headings_rad().map(|heading_rad| heading_rad - first_rad);
-    let (least_rad, most_rad) = turned.fold((0.0_f64, 0.0_f64), |(least, most), turned| {
-        (least.min(turned), most.max(turned))
-    });
-    let slack_rad = settings.tolerances.heading_rad;
-    let (low_rad, high_rad) = (
-        low_rad - least_rad + slack_rad,
-        high_rad - most_rad - slack_rad,
-    );
-    if (low_rad..=high_rad).contains(&nearest_rad) {
-        return nearest_rad;
-    }
-    let periods = |to_rad: f64| (to_rad - first_rad) / period_rad;
-    let lowest_rad = first_rad + periods(low_rad).ceil() * period_rad;
-    let highest_rad = first_rad + periods(high_rad).floor() * period_rad;
-    if lowest_rad <= highest_rad {
-        nearest_rad.clamp(lowest_rad, highest_rad)
-    } else {
-        nearest_rad
-    }
-}
-
-/// The heading equal to `heading_rad` for the deposit (modulo the aperture's period) that is nearest
-/// to `from_rad`.
-pub fn nearest_heading(heading_rad: f64, from_rad: f64, period_rad: f64) -> f64 {
-    heading_rad + ((from_rad - heading_rad) / period_rad).round() * period_rad
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -466,7 +425,7 @@ mod tests {
         };
         let mut settings = Settings::default();
         let entered = |from_deg: f64, settings: &Settings| {
-            let heading_rad = entry_heading(&pass, turn(from_deg), settings);
+            let heading_rad = entry_heading(headings_rad(&pass), turn(from_deg), settings);
             (heading_rad.to_degrees() * 1e6).round() / 1e6
         };
         for (from_deg, expected_deg) in [(0.0, 7.0), (300.0, 367.0), (1000.0, 1087.0)] {

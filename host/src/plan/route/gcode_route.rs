@@ -8,9 +8,10 @@
 use crate::gcode::comments::Slicer;
 use crate::gcode::{GcodePass, Place, Push};
 use crate::job::MotionState;
-use crate::plan::route::bead_curve::{Bead, BeadCurve, travel_control};
+use crate::plan::headings::stops::entry_heading;
+use crate::plan::route::bead_curve::parts::headings_rad;
+use crate::plan::route::bead_curve::{Bead, BeadCurve, BeadMove, travel_control};
 use crate::plan::route::bead_headings::{WidthOff, bead_headings};
-use crate::plan::route::build_route::entry_heading_of;
 use crate::plan::route::chords::{ChordMove, Chords};
 use crate::plan::route::flow::event_duration_s;
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
@@ -39,6 +40,8 @@ pub struct GcodeWay<'a> {
     pub headings_told: bool,
     /// Machine coordinates of the file's origin, mm.
     pub offset_mm: [f64; 3],
+    /// Room before the nozzle's stops, rad.
+    pub stop_room_rad: f64,
     /// Speeds, nozzle, pushes of the machine.
     pub settings: &'a Settings,
 }
@@ -57,8 +60,8 @@ pub struct GcodeRoute {
     pub route: Route,
     /// Passes in it.
     pub passes: u32,
-    /// The number of each given pass; `None` if it is not printed.
-    pub numbers: Vec<Option<u32>>,
+    /// The numbers of each given pass, first and last of its parts; `None` if it is not printed.
+    pub numbers: Vec<Option<[u32; 2]>>,
     /// Length of beads beyond the nozzle, wider and narrower, mm.
     pub beyond_mm: [f64; 2],
     /// Length of beads printed at another width than the file's.
@@ -80,9 +83,14 @@ pub fn gcode_route(
     start: [f64; CHANNELS],
     way: &GcodeWay,
 ) -> GcodeRoute {
-    let curves: Vec<Option<BeadCurve>> = beads(passes, start, way)
+    let curves: Vec<Option<(BeadCurve, Vec<Vec<BeadMove>>)>> = beads(passes, start, way)
         .par_iter()
-        .map(|bead| Some(bead.as_ref()?.curve(way.settings)))
+        .map(|bead| {
+            let mut curve = bead.as_ref()?.curve(way.settings);
+            let parts = curve.parts(way.stop_room_rad, way.settings);
+            curve.jumps.turned_back = parts.len() - 1;
+            Some((curve, parts))
+        })
         .collect();
     let mut head = Head {
         way,
@@ -90,15 +98,25 @@ pub fn gcode_route(
         made: GcodeRoute::default(),
     };
     for (pass, curve) in passes.iter().zip(&curves) {
-        let Some(curve) = curve else {
+        let Some((curve, parts)) = curve else {
             head.made.numbers.push(None);
             continue;
         };
-        let number = first_number + head.made.passes;
-        head.made.numbers.push(Some(number));
-        head.travel(pass, curve, number == 0);
-        head.print(pass, curve, number);
-        head.made.passes += 1;
+        let first = first_number + head.made.passes;
+        let last = first + parts.len() as u32 - 1;
+        head.made.numbers.push(Some([first, last]));
+        for (number, part) in (first..).zip(parts) {
+            if number == first {
+                head.travel(pass, part, number == 0);
+            } else {
+                head.turn_back(pass.layer, part);
+            }
+            let own = Some(Push::default());
+            let prime = if number == first { pass.prime } else { own };
+            let retract = if number == last { pass.retract } else { own };
+            head.print(pass.layer, part, number, [prime, retract]);
+        }
+        head.made.passes += parts.len() as u32;
         head.made.off.add(&curve.off);
         head.made.jumps.add(&curve.jumps);
         for (sum, mm) in head.made.beyond_mm.iter_mut().zip(curve.beyond_mm) {
@@ -178,10 +196,9 @@ impl Head<'_> {
     }
 
     /// To the pass's start: from above at first, otherwise the file's path.
-    fn travel(&mut self, pass: &GcodePass, curve: &BeadCurve, is_first: bool) {
+    fn travel(&mut self, pass: &GcodePass, moves: &[BeadMove], is_first: bool) {
         let settings = self.way.settings;
-        let heading_rad =
-            entry_heading_of(|| curve.headings_rad(), self.at[CHANNEL_HEADING], settings);
+        let heading_rad = entry_heading(headings_rad(moves), self.at[CHANNEL_HEADING], settings);
         let begin = self.on_machine(pass.points[0].tip_mm);
         let mut to = self.at;
         to[CHANNEL_X..=CHANNEL_Z].copy_from_slice(&begin);
@@ -199,9 +216,9 @@ impl Head<'_> {
             let (mut up, mut over) = (self.at, to);
             up[CHANNEL_Z] = above;
             over[CHANNEL_Z] = above;
-            self.line(pass.layer, up);
-            self.line(pass.layer, over);
-            self.line(pass.layer, to);
+            for place in [up, over, to] {
+                self.line(pass.layer, place);
+            }
             return;
         }
         let from = self.at;
@@ -233,6 +250,20 @@ impl Head<'_> {
             *last = to;
         }
         self.route_move(MotionState::Travel, pass.layer, control);
+    }
+
+    /// Up, to the heading of the pass's next part, and down again.
+    fn turn_back(&mut self, layer: u32, moves: &[BeadMove]) {
+        let settings = self.way.settings;
+        let mut to = self.at;
+        to[CHANNEL_HEADING] = entry_heading(headings_rad(moves), to[CHANNEL_HEADING], settings);
+        let above_mm = to[CHANNEL_Z] + settings.lift_mm;
+        let (mut up, mut over) = (self.at, to);
+        up[CHANNEL_Z] = above_mm;
+        over[CHANNEL_Z] = above_mm;
+        for place in [up, over, to] {
+            self.line(layer, place);
+        }
     }
 
     /// The motion of a travel that was planned before; `None` if it does not lead from here to the beginning of the
@@ -273,7 +304,7 @@ impl Head<'_> {
     }
 
     /// Volume, duration of a push; `None` if there is none.
-    fn push(&self, push: Option<Push>, own_mm3: f64, own_rate_mm3_s: f64) -> Option<(f64, f64)> {
+    fn push(&self, push: Option<Push>, [own_mm3, own_rate_mm3_s]: [f64; 2]) -> Option<(f64, f64)> {
         let push = push?;
         let settings = self.way.settings;
         let volume_mm3 = push.mm3.unwrap_or(own_mm3);
@@ -297,52 +328,48 @@ impl Head<'_> {
     }
 
     /// Prime, print, retract.
-    fn print(&mut self, pass: &GcodePass, curve: &BeadCurve, number: u32) {
+    fn print(
+        &mut self,
+        layer: u32,
+        moves: &[BeadMove],
+        number: u32,
+        [prime, retract]: [Option<Push>; 2],
+    ) {
         let of_machine = self.way.settings.prime_retract;
-        let prime = self.push(
-            pass.prime,
-            of_machine.prime_mm3,
-            of_machine.prime_rate_mm3_s,
-        );
-        let retract = self.push(
-            pass.retract,
-            of_machine.retract_mm3,
-            of_machine.retract_rate_mm3_s,
-        );
+        let own = [of_machine.prime_mm3, of_machine.prime_rate_mm3_s];
+        let prime = self.push(prime, own);
+        let own = [of_machine.retract_mm3, of_machine.retract_rate_mm3_s];
+        let retract = self.push(retract, own);
         if let Some((volume_mm3, duration_s)) = prime {
-            let route_move = self.route_move(MotionState::Prime, pass.layer, vec![self.at]);
+            let route_move = self.route_move(MotionState::Prime, layer, vec![self.at]);
             route_move.dwell_s = (duration_s - of_machine.prime_lead_s).max(0.0);
             route_move.event = Some(MoveEvent::PrimeAtStart {
                 volume_mm3,
                 duration_s,
             });
         }
-        let first = curve
-            .moves
-            .first()
-            .and_then(|of_move| of_move.control.first());
-        let turn_rad = first.map_or(0.0, |first| {
-            self.at[CHANNEL_HEADING] - first[CHANNEL_HEADING]
-        });
+        let first = moves.first().and_then(|of_move| of_move.control.first());
+        let first = first.copied().unwrap_or(self.at);
+        let turn_rad = self.at[CHANNEL_HEADING] - first[CHANNEL_HEADING];
         let start = self.at;
-        for (k, of_move) in curve.moves.iter().enumerate() {
+        for (k, of_move) in moves.iter().enumerate() {
             let control = of_move.control.iter().map(|of_file| {
                 let mut point = start;
                 for (i, channel) in (CHANNEL_X..=CHANNEL_Z).enumerate() {
                     point[channel] = of_file[channel] + self.way.offset_mm[i];
                 }
                 point[CHANNEL_HEADING] = of_file[CHANNEL_HEADING] + turn_rad;
-                point[CHANNEL_VOLUME] += of_file[CHANNEL_VOLUME];
+                point[CHANNEL_VOLUME] += of_file[CHANNEL_VOLUME] - first[CHANNEL_VOLUME];
                 point
             });
             let control = control.collect();
-            let route_move = self.route_move(MotionState::Print, pass.layer, control);
+            let route_move = self.route_move(MotionState::Print, layer, control);
             route_move.pass = Some(number);
             route_move.speed_mm_s = Some(of_move.speed_mm_s);
             route_move.speeds_mm_s.clone_from(&of_move.speeds_mm_s);
             route_move.dwell_s = of_move.least_s;
             if let Some((volume_mm3, duration_s)) = retract
-                && k + 1 == curve.moves.len()
+                && k + 1 == moves.len()
             {
                 let lead_s = of_machine.retract_lead_s.min(duration_s);
                 route_move.event = Some(MoveEvent::RetractBeforeEnd {
@@ -355,7 +382,7 @@ impl Head<'_> {
         if let Some((_, duration_s)) = retract {
             let dwell_s = duration_s - of_machine.retract_lead_s.min(duration_s);
             if dwell_s > 0.0 {
-                self.route_move(MotionState::Retract, pass.layer, vec![self.at])
+                self.route_move(MotionState::Retract, layer, vec![self.at])
                     .dwell_s = dwell_s;
             }
         }

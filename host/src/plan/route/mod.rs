@@ -16,6 +16,7 @@ pub mod bead_headings;
 pub mod build_route;
 pub mod chords;
 pub mod clear_travel;
+pub mod curve_cuts;
 pub mod flow;
 pub mod gcode_route;
 mod hop;

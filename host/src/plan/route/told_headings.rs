@@ -23,6 +23,8 @@ pub struct HeadingJumps {
     pub counts: [usize; 2],
     /// Line of the first one that is turned through, its turn (rad) and way (mm).
     pub first: Option<(usize, f64, f64)>,
+    /// Places within passes at which the nozzle turns back between its stops.
+    pub turned_back: usize,
 }
 
 impl HeadingJumps {
@@ -45,12 +47,19 @@ impl HeadingJumps {
     pub fn add(&mut self, other: &HeadingJumps) {
         self.counts = [0, 1].map(|k| self.counts[k] + other.counts[k]);
         self.first = self.first.or(other.first);
+        self.turned_back += other.turned_back;
     }
 
     /// One line each.
     pub fn notes(&self) -> Vec<String> {
         let [met, turned] = self.counts;
         let mut notes = Vec::new();
+        if self.turned_back > 0 {
+            notes.push(format!(
+                "the nozzle reaches its stops {} times within passes: each is cut there, and goes on once it has turned back",
+                self.turned_back
+            ));
+        }
         if met > 0 {
             notes.push(format!(
                 "{met} headings of the file are more than a quarter turn from the ones before: the nozzle, which is the same \

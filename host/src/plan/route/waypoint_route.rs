@@ -11,7 +11,8 @@ use crate::geometry::Point2;
 use crate::geometry::clearance::Configuration;
 use crate::input::waypoints::PassAsked;
 use crate::job::MotionState;
-use crate::plan::route::build_route::{event_duration_s, nearest_heading};
+use crate::plan::headings::stops::{entry_heading, nearest_heading};
+use crate::plan::route::build_route::event_duration_s;
 use crate::plan::route::clear_travel::{Legs, PrintedSoFar, UPRIGHT_RAD, crossing, moved_to};
 use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
@@ -180,12 +181,11 @@ fn along(
     let mut route = Route::default();
     let mut printed = PrintedSoFar::nothing(settings);
     for (number, curves) in passes.iter_mut().enumerate() {
-        let Some(&begin) = curves.first().and_then(|curve| curve.control.first()) else {
+        if curves.iter().all(|curve| curve.control.is_empty()) {
             continue;
-        };
+        }
         if !asked.get(number).is_some_and(|asked| asked.keeps_heading) {
-            let heading = begin[CHANNEL_HEADING];
-            let turn = nearest_heading(heading, here[CHANNEL_HEADING], period_rad) - heading;
+            let turn = entry_turn(curves, here[CHANNEL_HEADING], settings);
             change(curves, |point| point[CHANNEL_HEADING] += turn);
         }
         match volumes {
@@ -220,6 +220,14 @@ fn along(
         from_above.then(|| clear.above(&start)),
     );
     route
+}
+
+/// By how much a pass is turned so that it begins near a heading and stays between the nozzle's stops, rad.
+fn entry_turn(curves: &[PathCurve], from_rad: f64, settings: &Settings) -> f64 {
+    let points = curves.iter().flat_map(|curve| &curve.control);
+    let mut headings = points.map(|point| point[CHANNEL_HEADING]);
+    let entered = entry_heading(headings.clone(), from_rad, settings);
+    headings.next().map_or(0.0, |first| entered - first)
 }
 
 /// Away from the last pass: along the tool axis, and up to a height where there is one.

@@ -7,4 +7,5 @@ mod medial_axis_oracle;
 mod noisy_headings;
 mod polygon_headings;
 mod reachable_oracle;
+mod stops_of_files;
 mod table_oracle;

@@ -8,7 +8,7 @@ use crate::job::MotionState;
 use crate::mesh::patch::way_along;
 use crate::mesh::{Mesh, Point3};
 use crate::pipeline::surface::error::SurfaceError;
-use crate::plan::route::build_route::nearest_heading;
+use crate::plan::headings::stops::nearest_heading;
 use crate::plan::route::clear_travel::moved_to;
 use crate::plan::route::moves::{RouteMove, tilt, tip};
 use crate::plan::route::waypoint_curve::chord_spline::through_samples;

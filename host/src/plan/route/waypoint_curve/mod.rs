@@ -22,7 +22,7 @@ pub mod rounding;
 use crate::geometry::aperture::Aperture;
 use crate::input::near_waypoints::usual_gap_mm;
 use crate::input::waypoints::{PassAsked, SAME_PLACE_MM, Waypoint, WaypointRun};
-use crate::plan::route::build_route::nearest_heading;
+use crate::plan::headings::stops::nearest_heading;
 use crate::plan::route::clear_travel::UPRIGHT_RAD;
 use crate::plan::route::moves::PathCurve;
 use crate::settings::Settings;

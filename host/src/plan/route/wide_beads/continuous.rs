@@ -9,7 +9,7 @@
 //! end, which is a step of one layer.
 
 use crate::job::MotionState;
-use crate::plan::route::build_route::nearest_heading;
+use crate::plan::headings::stops::nearest_heading;
 use crate::plan::route::moves::{LayerPart, PathCurve, Route, RouteMove, tip, way_mm};
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_Z, CHANNELS};
