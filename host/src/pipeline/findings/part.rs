@@ -45,10 +45,12 @@ pub(crate) fn part_findings(
     let (open, unreachable) = (&planned.printed.open, &planned.printed.unreachable);
     let mut left_out = left_out(open, unreachable, &planned.printed.unreachable_layers);
     left_out.extend(laid.place(transform));
+    let mut warnings = warnings(part, planned, settings);
+    warnings.extend(laid.rests_note(settings));
     Findings {
         figures: figures.merged_with(&wide),
         objections: laid.objections(&late, transform, settings),
-        warnings: warnings(part, planned, settings),
+        warnings,
         unreachable: planned.printed.unreachable.clone(),
         left_out,
     }

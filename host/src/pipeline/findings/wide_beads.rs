@@ -113,6 +113,18 @@ impl Laid {
         }
     }
 
+    /// Where a vase was asked for and is none: how often its flow rests, and why.
+    pub(crate) fn rests_note(&self, settings: &Settings) -> Option<String> {
+        let rests = self.passes.saturating_sub(1 + self.went_on);
+        (settings.wide_beads.continuous_z && rests > 0).then(|| {
+            format!(
+                "--vase: {} of {} passes go on into the next one; the flow rests {rests} times, at layers of several passes \
+                 or of an open one, and where the nozzle has to turn back between its stops",
+                self.went_on, self.passes
+            )
+        })
+    }
+
     /// Exceeded limits of wide beads.
     pub(crate) fn objections(
         &self,

@@ -10,4 +10,5 @@ mod one_bead_or_two;
 mod own_settings;
 mod stacks;
 mod told_ground;
+mod vases;
 mod volume;

@@ -2,17 +2,21 @@
 //!
 //! In: a route (mm, rad, mm³) in which layers are printed one after the other. Out: the route with layers of a single
 //! loop joined: the moves between them (retract, lift, travel, prime) are removed, the tip rises evenly along each
-//! loop, and the flow is proportional to the bead's thickness. A vase chain begins on a flat surface: its first loop
-//! rises from a quarter of the layer's height, so that no bead is thicker than a layer or thinner than a quarter of
-//! one. A loop continues where the one below ends: it is reversed if it has the other direction, and begins at its
-//! nearest point. Not covered: layers with several passes or an open one, which rest as before; and the last loop's
-//! end, which is a step of one layer.
+//! loop while it goes over from the section below to the loop's own, and the flow is proportional to the bead's thickness.
+//! A vase chain begins on a flat surface: its first loop rises from a quarter of the layer's height, so that no bead is
+//! thicker than a layer or thinner than a quarter of one. A loop continues where the one below ends: it is reversed if it
+//! has the other direction, and begins at its nearest point. Not covered: layers with several passes or an open one, which
+//! rest as before; and the last loop's end, which is a step of one layer.
 
+use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::job::MotionState;
 use crate::plan::headings::stops::nearest_heading;
 use crate::plan::route::moves::{LayerPart, PathCurve, Route, RouteMove, tip, way_mm};
+use crate::plan::route::wide_beads::seam::evened;
 use crate::settings::Settings;
-use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_Z, CHANNELS};
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
+};
 use std::collections::BTreeMap;
 
 type Point = [f64; CHANNELS];
@@ -20,7 +24,7 @@ type Point = [f64; CHANNELS];
 /// Largest distance of a loop's ends, and of the end of one from the start of the next, of the nozzle's length.
 const NEAR_SHARE: f64 = 1.0;
 /// A loop continues at least this share of a step ahead of the one below.
-const AHEAD_SHARE: f64 = 0.4;
+const AHEAD_SHARE: f64 = 0.7;
 /// Thickness of a chain's very beginning, of the layer's.
 const BEGIN_SHARE: f64 = 0.25;
 
@@ -41,13 +45,16 @@ pub fn joined(route: &Route, settings: &Settings) -> Option<Route> {
         let last = chains.last_mut().and_then(|chain| {
             let before = &chain[chain.len() - 1];
             let are_single = single(before.index) && single(index);
-            let control = are_single.then(|| gone_on(&before.control, own, near_mm, settings));
+            let control = are_single.then(|| {
+                let own = evened(own, false, near_mm, settings);
+                gone_on(&before.control, &own, near_mm, settings)
+            });
             Some((chain, control??))
         });
         match last {
             Some((chain, control)) => chain.push(Loop { index, control }),
             None => {
-                let control = own.clone();
+                let control = evened(own, true, near_mm, settings);
                 chains.push(vec![Loop { index, control }]);
             }
         }
@@ -198,8 +205,7 @@ fn turned_round(control: &[Point]) -> Vec<Point> {
     turned.collect()
 }
 
-/// A loop begun at another of its points, over the gap between its end and its begin. The volume up to that point is
-/// deposited over the gap.
+/// A loop begun at another of its points, over the gap between its end and its begin, with the flow at its begin.
 fn begun_at(control: &[Point], first: usize, settings: &Settings) -> Vec<Point> {
     let [start, .., end] = control else {
         return control.to_vec();
@@ -208,8 +214,8 @@ fn begun_at(control: &[Point], first: usize, settings: &Settings) -> Vec<Point> 
         return control.to_vec();
     }
     let turn_rad = turn_to(start, end, settings);
-    let gap_mm3 = end[CHANNEL_VOLUME] - start[CHANNEL_VOLUME] + control[first][CHANNEL_VOLUME]
-        - control[first - 1][CHANNEL_VOLUME];
+    let gap_mm3 = end[CHANNEL_VOLUME] - start[CHANNEL_VOLUME]
+        + section_mm2(start, &control[1]) * (tip(start) - tip(end)).norm();
     let rest = control[..first].iter().map(|point| {
         let mut point = *point;
         point[CHANNEL_HEADING] += turn_rad;
@@ -219,8 +225,14 @@ fn begun_at(control: &[Point], first: usize, settings: &Settings) -> Vec<Point> 
     control[first..].iter().copied().chain(rest).collect()
 }
 
+/// What a step lays a millimetre.
+fn section_mm2(from: &Point, to: &Point) -> f64 {
+    let step_mm = (tip(to) - tip(from)).norm();
+    (to[CHANNEL_VOLUME] - from[CHANNEL_VOLUME]) / step_mm.max(f64::MIN_POSITIVE)
+}
+
 /// The turn, equal for the deposit to none, that brings the heading of `begin` nearest to that of `end`.
-fn turn_to(begin: &Point, end: &Point, settings: &Settings) -> f64 {
+pub(super) fn turn_to(begin: &Point, end: &Point, settings: &Settings) -> f64 {
     let [own, near] = [begin, end].map(|point| point[CHANNEL_HEADING]);
     nearest_heading(own, near, settings.aperture.period_rad()) - own
 }
@@ -239,8 +251,15 @@ fn chained(route: &Route, chain: &[Loop], settings: &Settings) -> RouteMove {
             _ => [1.0; 2],
         };
         let first = control.len();
-        let own = &chain[number].control;
-        append_loop(&mut control, own, [*from_mm, *to_mm], thickness, settings);
+        let below = number
+            .checked_sub(1)
+            .map(|below| Below::new(&chain[below].control));
+        let rise = Rise {
+            heights_mm: [*from_mm, *to_mm],
+            thickness,
+            below,
+        };
+        rise.append(&mut control, &chain[number].control, settings);
         if let Some(speed_mm_s) = of.speed_mm_s {
             let ends = [first, control.len() - 1];
             speeds_mm_s.extend(ends.map(|at| [at as f64, speed_mm_s]));
@@ -273,33 +292,95 @@ fn rises(moves: &[&RouteMove], settings: &Settings) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Appends a loop that rises along its path, its flow by its thickness, its heading and volume going on from the last.
-fn append_loop(
-    control: &mut Vec<Point>,
-    own: &[Point],
-    [from_mm, to_mm]: [f64; 2],
-    [thin, thick]: [f64; 2],
-    settings: &Settings,
-) {
-    let length_mm = way_mm(own);
-    let begin = own[0];
-    let end = control.last().copied().unwrap_or(begin);
-    let turn_rad = turn_to(&begin, &end, settings);
-    let mut volume_mm3 = end[CHANNEL_VOLUME];
-    let mut way_mm = 0.0;
-    let mut before = begin;
-    for point in own {
-        let step_mm = (tip(point) - tip(&before)).norm();
-        let middle = (way_mm + 0.5 * step_mm) / length_mm;
-        way_mm += step_mm;
-        let share = way_mm / length_mm;
-        let laid_mm3 = point[CHANNEL_VOLUME] - before[CHANNEL_VOLUME];
-        volume_mm3 += laid_mm3 * (thin + (thick - thin) * middle);
-        before = *point;
-        let mut risen = *point;
-        risen[CHANNEL_Z] = from_mm + (to_mm - from_mm) * share;
-        risen[CHANNEL_HEADING] += turn_rad;
-        risen[CHANNEL_VOLUME] = volume_mm3;
-        control.push(risen);
+/// The closed loop below another one.
+struct Below<'a> {
+    control: &'a [Point],
+    edges: EdgeIndex,
+}
+
+impl<'a> Below<'a> {
+    fn new(control: &'a [Point]) -> Below<'a> {
+        let at = |k: usize| tip(&control[k % control.len()]).xy().into();
+        let edges: Vec<Edge> = (0..control.len())
+            .map(|k| Edge {
+                a: at(k),
+                b: at(k + 1),
+            })
+            .collect();
+        let cell_mm = way_mm(control) / control.len() as f64;
+        Below {
+            control,
+            edges: EdgeIndex::new(edges, 2.0 * cell_mm),
+        }
+    }
+
+    /// A point moved towards the nearest one below, and its heading with it, by a share of the way.
+    fn moved(&self, point: &Point, share: f64, settings: &Settings) -> Point {
+        let Some(nearest) = self.edges.nearest(tip(point).xy().into()) else {
+            return *point;
+        };
+        let count = self.control.len();
+        let [a, b] = [nearest.edge, (nearest.edge + 1) % count].map(|k| &self.control[k]);
+        let edge = &self.edges.edges()[nearest.edge];
+        let along = (nearest.foot - edge.a).norm() / edge.length_mm().max(f64::MIN_POSITIVE);
+        let mut under = *a;
+        under[CHANNEL_HEADING] +=
+            along * (b[CHANNEL_HEADING] + turn_to(b, a, settings) - a[CHANNEL_HEADING]);
+        let turn_rad =
+            turn_to(&under, point, settings) + under[CHANNEL_HEADING] - point[CHANNEL_HEADING];
+        let mut moved = *point;
+        moved[CHANNEL_X] += share * (nearest.foot.x - point[CHANNEL_X]);
+        moved[CHANNEL_Y] += share * (nearest.foot.y - point[CHANNEL_Y]);
+        moved[CHANNEL_HEADING] += share * turn_rad;
+        moved
+    }
+}
+
+/// How a loop rises.
+struct Rise<'a> {
+    /// Heights at its begin and its end.
+    heights_mm: [f64; 2],
+    /// Thickness there, of the layer's.
+    thickness: [f64; 2],
+    below: Option<Below<'a>>,
+}
+
+impl Rise<'_> {
+    /// Appends a loop that goes over from the one below to its own path and rises along it, its flow by its thickness, its
+    /// heading and volume going on from the last.
+    fn append(&self, control: &mut Vec<Point>, own: &[Point], settings: &Settings) {
+        let begin = own[0];
+        let last = control.last().copied();
+        let turn_rad = turn_to(&begin, &last.unwrap_or(begin), settings);
+        let gap_mm = last.map_or(0.0, |last| (tip(&begin) - tip(&last)).xy().norm());
+        let length_mm = way_mm(own) + gap_mm;
+        let ([from_mm, to_mm], [thin, thick]) = (self.heights_mm, self.thickness);
+        let mut way_mm = 0.0;
+        for (k, point) in own.iter().enumerate() {
+            let before = own[k.saturating_sub(1)];
+            let (step_mm, laid_mm2) = match k {
+                0 => (gap_mm, section_mm2(&own[0], &own[1])),
+                _ => (
+                    (tip(point) - tip(&before)).norm(),
+                    section_mm2(&before, point),
+                ),
+            };
+            let thickness = thin + (thick - thin) * (way_mm + 0.5 * step_mm) / length_mm;
+            way_mm += step_mm;
+            let share = way_mm / length_mm;
+            let mut risen = match &self.below {
+                Some(below) => below.moved(point, 1.0 - share, settings),
+                None => *point,
+            };
+            risen[CHANNEL_Z] = from_mm + (to_mm - from_mm) * share;
+            risen[CHANNEL_HEADING] += turn_rad;
+            let from = control.last().unwrap_or(&risen);
+            let laid_mm3 = laid_mm2 * (tip(&risen) - tip(from)).norm() * thickness;
+            risen[CHANNEL_VOLUME] = laid_mm3
+                + control
+                    .last()
+                    .map_or(begin[CHANNEL_VOLUME], |last| last[CHANNEL_VOLUME]);
+            control.push(risen);
+        }
     }
 }

@@ -6,3 +6,4 @@
 
 pub mod continuous;
 pub mod pump;
+mod seam;
