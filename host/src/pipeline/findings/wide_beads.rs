@@ -118,8 +118,8 @@ impl Laid {
         let rests = self.passes.saturating_sub(1 + self.went_on);
         (settings.wide_beads.continuous_z && rests > 0).then(|| {
             format!(
-                "--vase: {} of {} passes go on into the next one; the flow rests {rests} times, at layers of several passes \
-                 or of an open one, and where the nozzle has to turn back between its stops",
+                "--vase: {} of {} passes go on into the next one; the flow rests after the first layer, at layers of several \
+                 passes or of an open one, and where the nozzle has to turn back between its stops",
                 self.went_on, self.passes
             )
         })

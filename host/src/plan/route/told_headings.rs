@@ -56,8 +56,11 @@ impl HeadingJumps {
         let mut notes = Vec::new();
         if self.turned_back > 0 {
             notes.push(format!(
-                "the nozzle reaches its stops {} times within passes: each is cut there, and goes on once it has turned back",
-                self.turned_back
+                "the nozzle reaches a stop within passes, {} in all: each is cut there, and goes on once it has turned back",
+                match self.turned_back {
+                    1 => "once".to_string(),
+                    times => format!("{times} times"),
+                }
             ));
         }
         if met > 0 {

@@ -195,8 +195,11 @@ fn headings_of_files_are_met_between_stops() {
         // Along the travel: the narrow bead.
         assert_ring(&followed, stop_deg, [0.4, 0.41]);
         let told = followed.notes.iter().find_map(|note| {
-            let rest = note.strip_prefix("the nozzle reaches its stops ")?;
-            rest.split_once(' ')?.0.parse::<usize>().ok()
+            let rest = note.strip_prefix("the nozzle reaches a stop within passes, ")?;
+            match rest.split_once(' ')?.0 {
+                "once" => Some(1),
+                times => times.parse::<usize>().ok(),
+            }
         });
         let told = told.unwrap_or_default();
         assert!(cuts.contains(&told), "{stop_deg}: {told} cuts");
