@@ -640,7 +640,7 @@ impl Target {
         *second = Host::new(self.subject, 3);
         self.line = 1;
         let (centre, solution) = (self.subject.centre, self.subject.solution);
-        let (hello, start) = opening(configuration, 0xf4e5_4000, &centre, solution);
+        let (hello, _) = opening(configuration, 0xf4e5_4000, &centre, solution);
         self.send_control(&hello);
         self.hosts[1].session = Some(0xf4e5_4000);
         for heater in 0..self.subject.heat.heaters.len() as u8 {
@@ -655,9 +655,21 @@ impl Target {
         self.come_to_rest();
         self.send_control(&HostMessage::Control(Control::ClearFault));
         self.come_to_rest();
-        self.send_control(&HostMessage::Control(Control::SetPosition(centre)));
+        let declared = self.send_control(&HostMessage::Control(Control::SetPosition(centre)));
         self.come_to_rest();
-        let told = self.send_control(&start);
+        // The attack may have opened a stream in a joint solution that does not hold the centre within the joints' ranges:
+        // then the pose cannot be declared before the machine has homed.
+        if !declared.refused.is_empty() && configuration.kinematics.solutions() > 1 {
+            return;
+        }
+        // A declared pose is meant in the joint solution in use, which is that of the last stream that was opened.
+        let mut told = Told::default();
+        for solution in std::iter::once(solution).chain(0..configuration.kinematics.solutions()) {
+            if self.machine.motion().state() != DeviceState::Filling {
+                let (_, start) = opening(configuration, 0xf4e5_4000, &centre, solution);
+                told = self.send_control(&start);
+            }
+        }
         let motion = self.machine.motion();
         assert_eq!(
             motion.state(),
