@@ -79,7 +79,6 @@ pub fn plan_gcode(
     let way = GcodeWay {
         slicer: program.slicer,
         headings_told: program.has_headings,
-        stop_room_rad: 0.0,
         offset_mm: transform.offset_mm,
         settings: &settings,
     };
@@ -145,11 +144,7 @@ fn laid_piece(
     progress: &dyn Progress,
 ) -> Result<(GcodeRoute, (SegmentStream, MotionReport)), PlanError> {
     with_stop_room(way.settings, |stop_room_rad| {
-        let way = GcodeWay {
-            stop_room_rad,
-            ..*way
-        };
-        let mut made = gcode_route(piece, first_pass, at, &way);
+        let mut made = gcode_route(piece, first_pass, at, stop_room_rad, way);
         if is_last {
             lift_at_end(&mut made.route, way.settings);
         }

@@ -100,9 +100,8 @@ impl Laid {
         let (wide, ratio) = (&settings.wide_beads, &self.ratio);
         let runs_on = wide.pump_start_mm > 0.0 || wide.pump_stop_mm > 0.0;
         let at_mm = || transform.to_input(ratio.at_mm);
-        let interruptions = self.passes.saturating_sub(1 + self.went_on);
         Figures {
-            flow_interruptions: wide.continuous_z.then_some(interruptions),
+            flow_interruptions: wide.continuous_z.then_some(self.interruptions()),
             volume_mm3: runs_on.then_some(volume_mm3 + self.primed_mm3),
             layer_time_longest_s: (late.layers > 1).then_some(late.longest_s),
             late_layers: (wide.layer_time_max_s > 0.0).then_some(late.late),
@@ -113,10 +112,14 @@ impl Laid {
         }
     }
 
-    /// Where a vase was asked for and is none: how often its flow rests, and why.
+    /// How often the flow rests between passes.
+    fn interruptions(&self) -> u64 {
+        self.passes.saturating_sub(1 + self.went_on)
+    }
+
+    /// Where a vase was asked for and is none: how many passes go on, and why others rest.
     pub(crate) fn rests_note(&self, settings: &Settings) -> Option<String> {
-        let rests = self.passes.saturating_sub(1 + self.went_on);
-        (settings.wide_beads.continuous_z && rests > 0).then(|| {
+        (settings.wide_beads.continuous_z && self.interruptions() > 0).then(|| {
             format!(
                 "--vase: {} of {} passes go on into the next one; the flow rests after the first layer, at layers of several \
                  passes or of an open one, and where the nozzle has to turn back between its stops",

@@ -40,8 +40,6 @@ pub struct GcodeWay<'a> {
     pub headings_told: bool,
     /// Machine coordinates of the file's origin, mm.
     pub offset_mm: [f64; 3],
-    /// Room before the nozzle's stops, rad.
-    pub stop_room_rad: f64,
     /// Speeds, nozzle, pushes of the machine.
     pub settings: &'a Settings,
 }
@@ -76,18 +74,20 @@ struct Head<'a> {
     made: GcodeRoute,
 }
 
-/// Builds the route of `passes` from the pose `start`; `first_number` is that of the first of them.
+/// Builds the route of `passes` from the pose `start`, with some room before the nozzle's stops; `first_number` is that of
+/// the first of them.
 pub fn gcode_route(
     passes: &[GcodePass],
     first_number: u32,
     start: [f64; CHANNELS],
+    stop_room_rad: f64,
     way: &GcodeWay,
 ) -> GcodeRoute {
     let curves: Vec<Option<(BeadCurve, Vec<Vec<BeadMove>>)>> = beads(passes, start, way)
         .par_iter()
         .map(|bead| {
             let mut curve = bead.as_ref()?.curve(way.settings);
-            let parts = curve.parts(way.stop_room_rad, way.settings);
+            let parts = curve.parts(stop_room_rad, way.settings);
             curve.jumps.turned_back = parts.len() - 1;
             Some((curve, parts))
         })

@@ -119,6 +119,15 @@ pub fn way_mm(control: &[[f64; CHANNELS]]) -> f64 {
         .sum()
 }
 
+/// Path length of the tip from the first of these points to each, mm.
+pub fn ways_mm(control: &[[f64; CHANNELS]]) -> Vec<f64> {
+    let mut ways_mm = vec![0.0; control.len()];
+    for k in 1..control.len() {
+        ways_mm[k] = ways_mm[k - 1] + (tip(&control[k]) - tip(&control[k - 1])).norm();
+    }
+    ways_mm
+}
+
 /// The tilt of a pose in channel space, rad.
 pub fn tilt(pose: &[f64; CHANNELS]) -> Vector2<f64> {
     Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y])

@@ -21,22 +21,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+/// Streams a job, with a log that replaces that of another stream.
+fn logged<'a>(job: &'a str, port: &'a str, log: &'a str) -> [&'a str; 7] {
+    ["stream", job, "--port", port, "--log", log, "--force"]
+}
+
 #[test]
 fn a_job_streams_over_unix_socket_and_tcp_to_the_simulations_end() {
     let folder = folder("both");
     let (job, expected) = job(&folder, 3);
     for board in [Board::unix(&folder, 10.0), Board::tcp(10.0)] {
         let log = folder.join("print.log").display().to_string();
-        let streamed = headway(&[
-            "stream",
-            &job,
-            "--port",
-            &board.port,
-            "--log",
-            &log,
-            "--force",
-            "--json",
-        ]);
+        let streamed = headway(&[&logged(&job, &board.port, &log)[..], &["--json"]].concat());
         let figures = object(&streamed);
         assert_eq!(figures["done"], true);
         assert_eq!(figures["reconnects"], 0);
@@ -261,16 +257,7 @@ fn a_status_comes_as_often_as_asked_for() {
     let count = |period: &[&str]| {
         let board = Board::unix(&folder, 4.0);
         let log = folder.join("print.log").display().to_string();
-        let stream = [
-            "stream",
-            &job,
-            "--port",
-            &board.port,
-            "--log",
-            &log,
-            "--force",
-        ];
-        let streamed = headway(&[&stream[..], period].concat());
+        let streamed = headway(&[&logged(&job, &board.port, &log)[..], period].concat());
         assert!(streamed.status.success(), "{}", stderr(&streamed));
         board.end();
         statuses(&log).len()

@@ -1,6 +1,7 @@
 //! A bead's moves -> its parts between the nozzle's stops, each from rest to rest.
 
 use super::{BeadCurve, BeadMove};
+use crate::plan::headings::stops::Stops;
 use crate::plan::route::curve_cuts::turning_back::turned_back;
 use crate::plan::route::curve_cuts::{CurvePart, CutPasses};
 use crate::plan::route::moves::PathCurve;
@@ -17,6 +18,10 @@ impl BeadCurve {
     /// Takes its moves, in one part or in as many as the nozzle's stops ask for, with some room before these.
     pub fn parts(&mut self, room_rad: f64, settings: &Settings) -> Vec<Vec<BeadMove>> {
         let moves = std::mem::take(&mut self.moves);
+        // Nearly all: they are not copied.
+        if Stops::of(settings).headings_fit(headings_rad(&moves), room_rad) {
+            return vec![moves];
+        }
         let curve = |of_move: &BeadMove| PathCurve {
             control: of_move.control.clone(),
         };

@@ -6,7 +6,7 @@
 
 use crate::plan::headings::stops::{Stops, cheapest_cuts};
 use crate::plan::route::curve_cuts::CutPasses;
-use crate::plan::route::moves::{PathCurve, tip};
+use crate::plan::route::moves::{PathCurve, tip, ways_mm};
 use crate::plan::route::waypoint_curve::WaypointPasses;
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNELS};
@@ -69,19 +69,17 @@ pub fn turn_back(of_run: &mut WaypointPasses, room_rad: f64, settings: &Settings
 
 /// Where a pass is cut, of its curves' control points one after another.
 fn cuts(pass: &[PathCurve], stops: &Stops, room_rad: f64, settings: &Settings) -> Vec<usize> {
-    let points: Vec<&[f64; CHANNELS]> = pass.iter().flat_map(|curve| &curve.control).collect();
-    let headings: Vec<f64> = points.iter().map(|point| point[CHANNEL_HEADING]).collect();
-    if stops.headings_fit(headings.iter().copied(), room_rad) {
+    let control = || pass.iter().flat_map(|curve| &curve.control);
+    let headings = || control().map(|point| point[CHANNEL_HEADING]);
+    if stops.headings_fit(headings(), room_rad) {
         return Vec::new();
     }
     // Curves stay within the range of their control points.
-    let Some(fits_from) = stops.fits_from(&headings, room_rad) else {
+    let Some(fits_from) = stops.fits_from(&headings().collect::<Vec<_>>(), room_rad) else {
         return Vec::new();
     };
-    let mut along_mm = vec![0.0; points.len()];
-    for k in 1..points.len() {
-        along_mm[k] = along_mm[k - 1] + (tip(points[k]) - tip(points[k - 1])).norm();
-    }
+    let points: Vec<[f64; CHANNELS]> = control().copied().collect();
+    let along_mm = ways_mm(&points);
     let length_mm = along_mm.last().copied().unwrap_or_default();
     let short_mm = 2.0 * settings.aperture.major_mm();
     cheapest_cuts(&fits_from, |k| {
@@ -89,8 +87,8 @@ fn cuts(pass: &[PathCurve], stops: &Stops, room_rad: f64, settings: &Settings) -
             return 0;
         };
         let [comes, leaves] = [
-            tip(points[k]) - tip(points[k - 1]),
-            tip(next) - tip(points[k]),
+            tip(&points[k]) - tip(&points[k - 1]),
+            tip(next) - tip(&points[k]),
         ];
         let sizes = comes.norm() * leaves.norm();
         // At the end of a curve the head rests, and it turns there in place.

@@ -5,7 +5,7 @@
 
 use super::continuous::turn_to;
 use crate::geometry::hermite::hermite;
-use crate::plan::route::moves::tip;
+use crate::plan::route::moves::{tip, ways_mm};
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNELS};
 
@@ -13,6 +13,7 @@ type Point = [f64; CHANNELS];
 
 /// The path is led past a loop's ends by no more than this, of the nozzle's semi-minor axis.
 const SEAM_SHARE: f64 = 0.1;
+
 /// A loop with the flow beside its ends, within a reach of them, in place of the flow of a begin and an end: that lays all
 /// of the aperture at once, and leaves out what is covered. Its heading goes on from its end to its begin. `begins` where
 /// its begin is one.
@@ -22,20 +23,18 @@ pub(super) fn evened(
     reach_mm: f64,
     settings: &Settings,
 ) -> Vec<Point> {
-    let mut ways_mm = vec![0.0];
-    for pair in control.windows(2) {
-        ways_mm.push(ways_mm[ways_mm.len() - 1] + (tip(&pair[1]) - tip(&pair[0])).norm());
-    }
+    let ways_mm = ways_mm(control);
     let length_mm = ways_mm[ways_mm.len() - 1];
+    // A seam takes two points beside each end.
+    if length_mm < 5.0 * reach_mm || control.len() < 6 {
+        return control.to_vec();
+    }
     let section_mm2 = |from_mm: f64, to_mm: f64| {
         let [from, to] = [from_mm, to_mm].map(|mm| ways_mm.partition_point(|way| *way < mm));
         let to = to.min(control.len() - 1);
         let laid_mm3 = control[to][CHANNEL_VOLUME] - control[from.min(to)][CHANNEL_VOLUME];
         laid_mm3 / (ways_mm[to] - ways_mm[from.min(to)]).max(f64::MIN_POSITIVE)
     };
-    if length_mm < 5.0 * reach_mm {
-        return control.to_vec();
-    }
     let after_mm2 = section_mm2(reach_mm, 2.0 * reach_mm);
     let before_mm2 = section_mm2(length_mm - 2.0 * reach_mm, length_mm - reach_mm);
     let mut even = control.to_vec();
@@ -143,6 +142,29 @@ fn go_on_over_the_seam(
                 control[k][CHANNEL_X..=CHANNEL_Y].copy_from_slice(&at_mm);
             }
             return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: a loop of few control points stays as it is. Method: the first one to five corners of a square of 20 mm.
+    #[test]
+    fn loops_of_few_points_are_no_seam() {
+        let corners = [
+            [0.0, 0.0],
+            [20.0, 0.0],
+            [20.0, 20.0],
+            [0.0, 20.0],
+            [0.0, 0.4],
+        ];
+        for count in 1..=corners.len() {
+            let point = |[x, y]: [f64; 2]| [x, y, 0.2, 0.0, 0.0, 0.0, x + y];
+            let control: Vec<Point> = corners[..count].iter().copied().map(point).collect();
+            let even = evened(&control, false, 1.2, &Settings::default());
+            assert_eq!(even, control);
         }
     }
 }
