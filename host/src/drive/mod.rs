@@ -3,6 +3,7 @@
 mod board_lines;
 pub mod device_check;
 pub mod dry_run;
+pub mod evenness;
 pub mod heat_owner;
 pub mod host_clock;
 pub mod joint_track;

@@ -6,6 +6,7 @@
 //! otherwise none does ("none": the motion is between one limit and another, or the segments' fit
 //! slows it). Not covered: the extruder with its events, which is hardly ever the limit.
 
+use crate::drive::evenness::{Evenness, Sample, Uneven, UnevenPlaces};
 use crate::drive::limits::Moment;
 use crate::job::{MotionState, SegmentStream};
 use crate::settings::{Settings, joint_names};
@@ -42,6 +43,8 @@ pub struct TimeByLimit {
     pub shares: BTreeMap<String, f64>,
     /// The slowest first.
     pub slow_places: Vec<SlowPlace>,
+    /// Where beads are uneven, by kind.
+    pub uneven: BTreeMap<Uneven, UnevenPlaces>,
 }
 
 /// A limit: (which derivative, which quantity); quantities are the joints, then tip and flow.
@@ -60,6 +63,7 @@ pub fn time_by_limit(stream: &SegmentStream, settings: &Settings) -> TimeByLimit
 pub struct TimeTally {
     ticks: BTreeMap<Key, u64>,
     places: Places,
+    evenness: Evenness,
 }
 
 impl TimeTally {
@@ -74,6 +78,7 @@ impl TimeTally {
                 self.places.close();
             }
             let Some(mark) = mark.filter(|mark| mark.state == MotionState::Print) else {
+                self.evenness.end();
                 continue;
             };
             self.places.layer = mark.layer;
@@ -87,9 +92,19 @@ impl TimeTally {
                 *self.ticks.entry(key).or_default() += u64::from(ticks);
                 self.places
                     .add(&span, &moment, key, [f64::from(ticks), servo_hz]);
+                let sample = Sample {
+                    span: &span,
+                    moment: &moment,
+                    at_ticks: middle,
+                    ticks: f64::from(ticks),
+                    is_limited: key.is_some(),
+                    layer: mark.layer,
+                };
+                self.evenness.add(&sample, settings);
             }
         }
         self.places.close();
+        self.evenness.end();
     }
 
     /// The result of all parts.
@@ -107,6 +122,7 @@ impl TimeTally {
         TimeByLimit {
             shares: self.ticks.into_iter().map(share).collect(),
             slow_places: slow.collect(),
+            uneven: self.evenness.found(),
         }
     }
 }

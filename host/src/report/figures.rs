@@ -7,7 +7,7 @@ pub use super::corner_figures::CornerFigures;
 pub use super::curved_layer_figures::{ComparedFigures, CurvedLayerFigures};
 use super::figure_rows::Row;
 pub use super::layer_figures::{Inside, KindFigures, LayerFigures, LayerPlace, UseFigures};
-pub use super::verdict_figures::{AgainstFigures, VerdictFigures};
+pub use super::verdict_figures::{AgainstFigures, UnevenFigures, VerdictFigures};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -228,6 +228,8 @@ pub struct Figures {
     /// The five places of about a millimetre that take longest, the slowest first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slow_places: Option<Vec<SlowPlaceFigures>>,
+    /// Where beads are uneven, by kind: absent for even ones.
+    pub uneven_places: Option<Vec<UnevenFigures>>,
     /// Tip of the simulated steps against the plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tip_error_um_max: Option<f64>,

@@ -4,7 +4,7 @@
 //! `--json`: every reason not to start the job, then its time and the comparison, material, accuracy of the
 //! steps, what limits it, what stays uncovered. Unknown values are omitted.
 
-use crate::report::figures::{Figures, VerdictFigures};
+use crate::report::figures::{Figures, UnevenFigures, VerdictFigures};
 
 /// Time at no limit counts as one by this name.
 const NONE: &str = "none";
@@ -19,6 +19,7 @@ pub fn verdict(figures: &Figures, more: &[String], is_cold: bool) -> VerdictFigu
     let objections = figures.objections.iter().flatten().cloned();
     let reasons: Vec<String> = objections
         .chain(faults(figures))
+        .chain(figures.uneven_places.iter().flatten().map(uneven))
         .chain(more.iter().cloned())
         .collect();
     let lines = [
@@ -90,6 +91,29 @@ fn faults(figures: &Figures) -> Option<String> {
     let is_told = figures.objections.iter().flatten();
     let is_told = is_told.into_iter().any(|line| line.starts_with("FAULT"));
     (!is_told).then(|| format!("FAULT: the controller stopped with {faults} fault(s)"))
+}
+
+/// What is uneven about a bead.
+fn uneven(found: &UnevenFigures) -> String {
+    let worst = found.worst;
+    let what = match found.what.as_str() {
+        "spin" => format!(
+            "SPINS: the nozzle turns by up to {worst:.0}° more than the path within a bead's width"
+        ),
+        "thin" => format!(
+            "THIN: the bead has as little as {worst:.2} of its cross-section before and behind"
+        ),
+        "swollen" => format!(
+            "SWELLS: the bead has up to {worst:.1} times its cross-section before and behind"
+        ),
+        _ => format!("SLOWS: the speed falls to {worst:.2} of that before and behind, at no limit"),
+    };
+    let (x, y, z, layer) = (found.x_mm, found.y_mm, found.z_mm, found.layer + 1);
+    let places = match found.places {
+        1 => "in one place".to_string(),
+        places => format!("in {places} places, the worst"),
+    };
+    format!("{what}, {places} near ({x:.1}, {y:.1}, {z:.1}) on layer {layer}")
 }
 
 fn time(figures: &Figures) -> Option<String> {

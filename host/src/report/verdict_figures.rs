@@ -21,3 +21,23 @@ pub struct AgainstFigures {
     /// Duration of the job with it; `None` if it cannot be printed with it.
     pub print_s: Option<f64>,
 }
+
+/// The places where finished beads are uneven in one way.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct UnevenFigures {
+    /// `spin`, `thin`, `swollen` or `slow`.
+    pub what: String,
+    /// How many pieces of beads, each as long as the narrowest bead is wide.
+    pub places: u64,
+    /// Degrees of the nozzle beyond the turn of the path; of the others a ratio to the bead before and behind.
+    pub worst: f64,
+    /// Where the worst is.
+    pub x_mm: f64,
+    /// Where the worst is.
+    pub y_mm: f64,
+    /// Where the worst is.
+    pub z_mm: f64,
+    /// Its layer from 0.
+    pub layer: u32,
+}

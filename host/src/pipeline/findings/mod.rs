@@ -17,6 +17,7 @@ pub mod unwinding;
 pub mod use_figures;
 pub(crate) mod wide_beads;
 
+use crate::drive::evenness::{Uneven, UnevenPlaces};
 use crate::drive::time_by_limit::{SlowPlace, TimeByLimit};
 use crate::geometry::Point2;
 use crate::job::transform::PartTransform;
@@ -34,6 +35,7 @@ use crate::plan::pass::{LayerPass, PassKind};
 use crate::report::Place;
 use crate::report::figures::{
     ComparedFigures, CurvedLayerFigures, Figures, Inside, KindFigures, SlowPlaceFigures,
+    UnevenFigures,
 };
 use crate::settings::Settings;
 use left_out::{left_out, longest_first};
@@ -352,9 +354,32 @@ pub(crate) fn time_figures(found: TimeByLimit, transform: &PartTransform) -> Fig
             layer: Some(place.layer),
         }
     };
+    let uneven: Vec<UnevenFigures> = (found.uneven.iter())
+        .map(|(what, found)| uneven_figures(*what, found, transform))
+        .collect();
     Figures {
         time_share_by_limit: (!found.shares.is_empty()).then_some(found.shares),
         slow_places: Some(found.slow_places.into_iter().map(place).collect()),
+        uneven_places: (!uneven.is_empty()).then_some(uneven),
         ..Figures::default()
+    }
+}
+
+fn uneven_figures(what: Uneven, found: &UnevenPlaces, transform: &PartTransform) -> UnevenFigures {
+    let [x_mm, y_mm, z_mm] = transform.to_input(found.at_mm);
+    let (what, worst) = match what {
+        Uneven::Spin => ("spin", found.worst.to_degrees()),
+        Uneven::Thin => ("thin", found.worst),
+        Uneven::Swollen => ("swollen", found.worst),
+        Uneven::Slow => ("slow", found.worst),
+    };
+    UnevenFigures {
+        what: what.to_string(),
+        places: found.places,
+        worst,
+        x_mm,
+        y_mm,
+        z_mm,
+        layer: found.layer,
     }
 }

@@ -397,3 +397,59 @@ fn every_text_ends_with_all_heaters_off() {
         }
     }
 }
+
+/// A bead of 0.8 mm along x, of which one millimetre gets `factor` of the material.
+fn bead_with_a_blob(factor: f64) -> String {
+    let mut text =
+        String::from("G21\nG90\nM83\nG1 Z0.2 F600\n;WIDTH:0.8\n;HEIGHT:0.2\nG1 X100 Y100 F9000\n");
+    for i in 1..=40 {
+        let volume_mm3 = 0.16 * if i == 21 { factor } else { 1.0 };
+        text += &format!("G1 X{} E{:.5} F1800\n", 100 + i, volume_mm3 / 2.40528);
+    }
+    text
+}
+
+/// Goal: the verdict has looked at the finished motion. Method: a straight bead that is even, swells or thins over a
+/// millimetre at x = 120.5, and a straight run of waypoints whose nozzle turns by 180 degrees within 1.5 mm.
+#[test]
+fn the_verdict_tells_of_uneven_beads() {
+    let folder = folder("uneven_beads");
+    let run = (0..31).map(|i| {
+        let heading_deg = 90 + 60 * (i - 13).clamp(0, 3);
+        format!("{} 0 0.2 0 0 1 {heading_deg}\n", 0.5 * f64::from(i))
+    });
+    let inputs = [
+        ("even.gcode", bead_with_a_blob(1.0), None, 120.5),
+        (
+            "swollen.gcode",
+            bead_with_a_blob(6.0),
+            Some("swollen"),
+            120.5,
+        ),
+        ("thin.gcode", bead_with_a_blob(0.1), Some("thin"), 120.5),
+        ("spin.wpt", run.collect(), Some("spin"), 7.5),
+    ];
+    for (name, text, fault, x_mm) in inputs {
+        let input = folder.join(name);
+        std::fs::write(&input, text).expect("written");
+        let job = folder.join(name).with_extension("hwj");
+        let told = object(&headway(&[
+            "plan",
+            path(&input),
+            "-o",
+            path(&job),
+            "--json",
+        ]));
+        let reasons = told["verdict"]["reasons"].as_array().expect("reasons");
+        assert_eq!(
+            reasons.len(),
+            usize::from(fault.is_some()),
+            "{name}: {reasons:?}"
+        );
+        let Some(fault) = fault else { continue };
+        let found = &told["uneven_places"][0];
+        assert_eq!(found["what"], fault, "{name}");
+        let at_mm = found["x_mm"].as_f64().expect("a place");
+        assert!((at_mm - x_mm).abs() < 1.0, "{name}: {at_mm}");
+    }
+}
