@@ -19,7 +19,14 @@ pub fn verdict(figures: &Figures, more: &[String], is_cold: bool) -> VerdictFigu
     let objections = figures.objections.iter().flatten().cloned();
     let reasons: Vec<String> = objections
         .chain(faults(figures))
-        .chain(figures.uneven_places.iter().flatten().map(uneven))
+        .chain(
+            figures
+                .uneven_places
+                .iter()
+                .flatten()
+                .filter(|of| of.what != "slow")
+                .map(uneven),
+        )
         .chain(more.iter().cloned())
         .collect();
     let lines = [
