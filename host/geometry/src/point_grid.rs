@@ -31,6 +31,7 @@ impl Hasher for CellHasher {
 }
 
 /// Items in square cells with the reach of queries as their side.
+#[derive(Debug)]
 pub struct PointGrid<T> {
     reach_mm: f64,
     cells: ByCell<Vec<T>>,
@@ -39,12 +40,18 @@ pub struct PointGrid<T> {
 impl<T> PointGrid<T> {
     /// Stores each item at its position.
     pub fn of(reach_mm: f64, things: impl Iterator<Item = (Point2, T)>) -> PointGrid<T> {
-        let mut cells: ByCell<Vec<T>> = ByCell::default();
+        let cells = ByCell::default();
+        let mut grid = PointGrid { reach_mm, cells };
         for (place, thing) in things {
-            let cell = cells.entry(cell_of(place, reach_mm)).or_default();
-            cell.push(thing);
+            grid.add(place, thing);
         }
-        PointGrid { reach_mm, cells }
+        grid
+    }
+
+    /// Stores one more item.
+    pub fn add(&mut self, place: Point2, thing: T) {
+        let cell = self.cells.entry(cell_of(place, self.reach_mm)).or_default();
+        cell.push(thing);
     }
 
     /// All items within the reach of a point, and some more; always in the same order.

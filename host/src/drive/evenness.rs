@@ -7,9 +7,9 @@
 //! the ends of a pass, tools that lean.
 
 use crate::drive::limits::Moment;
-use crate::geometry::Vector2;
+use crate::geometry::point_grid::PointGrid;
+use crate::geometry::{Point2, Vector2};
 use crate::settings::Settings;
-use headway_firmware::path::spline::Span;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,
 };
@@ -34,7 +34,7 @@ const STEADY_SHARE: f64 = 0.05;
 /// for.
 const BEND_MAX_RAD: f64 = 90.0 * std::f64::consts::PI / 180.0;
 const STRAIGHT_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
-/// Lean of a tool (component of its axis) from which beads are not seen from above any more.
+/// Tilt of a tool, rad, from which beads are not seen from above any more.
 const LEAN_MAX: f64 = 0.2;
 /// Earlier beads this far away, in widths, share their ground with a bead.
 const BESIDE_WIDTHS: f64 = 1.5;
@@ -42,7 +42,7 @@ const BESIDE_WIDTHS: f64 = 1.5;
 /// A kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Uneven {
-    /// The nozzle turns by more than the path, degrees within a window.
+    /// The nozzle turns by more than the path, degrees within three windows.
     Spin,
     /// Cross-section against both sides.
     Thin,
@@ -52,12 +52,24 @@ pub enum Uneven {
     Slow,
 }
 
+impl Uneven {
+    /// As the figures have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Uneven::Spin => "spin",
+            Uneven::Thin => "thin",
+            Uneven::Swollen => "swollen",
+            Uneven::Slow => "slow",
+        }
+    }
+}
+
 /// The places with a fault of a kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnevenPlaces {
     /// How many windows.
     pub places: u64,
-    /// The worst: rad, or a ratio.
+    /// The worst: degrees, or a ratio.
     pub worst: f64,
     /// Where that is, machine coordinates.
     pub at_mm: [f64; 3],
@@ -101,10 +113,7 @@ impl Window {
 
 /// A moment that represents some ticks.
 pub(crate) struct Sample<'a> {
-    pub(crate) span: &'a Span,
     pub(crate) moment: &'a Moment,
-    /// Within the span.
-    pub(crate) at_ticks: f64,
     pub(crate) ticks: f64,
     pub(crate) is_limited: bool,
     pub(crate) layer: u32,
@@ -116,9 +125,9 @@ pub(crate) struct Evenness {
     now: Window,
     direction: Option<Vector2>,
     run: VecDeque<Window>,
-    /// Number of windows so far; those that lie in a square of a layer, by number and height.
+    /// Number of windows so far; those of the layer by their place, with number and height.
     windows: u64,
-    laid: BTreeMap<(i32, i32), Vec<(u64, f64)>>,
+    laid: Option<PointGrid<(u64, f64)>>,
     layer: u32,
     found: BTreeMap<Uneven, UnevenPlaces>,
 }
@@ -127,10 +136,12 @@ impl Evenness {
     /// The next moment of a bead.
     pub(crate) fn add(&mut self, sample: &Sample, settings: &Settings) {
         let servo_hz = f64::from(settings.machine.servo_hz);
-        let (velocity, aperture) = (&sample.moment.velocity, &settings.aperture);
-        let position = sample.span.position(sample.at_ticks);
+        let Moment {
+            position, velocity, ..
+        } = sample.moment;
+        let aperture = &settings.aperture;
         if self.now.ticks == 0.0 {
-            self.begin(&position, sample.layer, settings);
+            self.begin(position, sample.layer, settings);
         }
         let seconds = sample.ticks / servo_hz;
         let flat = Vector2::new(velocity[0], velocity[1]);
@@ -141,7 +152,7 @@ impl Evenness {
         window.way_mm += way_mm;
         window.volume_mm3 += seconds * velocity[CHANNEL_VOLUME];
         window.heading_rad += seconds * velocity[CHANNEL_HEADING];
-        window.leans |= leans(&position);
+        window.leans |= leans(position);
         if let Some(direction) = flat.try_normalize(1e-6) {
             let across = Vector2::new(-direction.y, direction.x);
             window.spanned_mm2 +=
@@ -169,7 +180,7 @@ impl Evenness {
 
     fn begin(&mut self, position: &[f64; CHANNELS], layer: u32, settings: &Settings) {
         if layer != self.layer {
-            self.laid.clear();
+            self.laid = None;
             self.layer = layer;
         }
         let at_mm = [position[0], position[1], position[2]];
@@ -182,37 +193,24 @@ impl Evenness {
         };
     }
 
-    /// Squares as wide as earlier beads may be away.
-    fn square(at_mm: [f64; 3], settings: &Settings) -> (i32, i32) {
-        let side_mm = BESIDE_WIDTHS * 2.0 * settings.aperture.major_mm();
-        (
-            (at_mm[0] / side_mm).floor() as i32,
-            (at_mm[1] / side_mm).floor() as i32,
-        )
-    }
-
     fn is_beside(&self, at_mm: [f64; 3], settings: &Settings) -> bool {
-        let (x, y) = Self::square(at_mm, settings);
-        // What the bead itself has just laid does not count: twice the way across a square and its neighbours.
+        // What the bead itself has just laid does not count: twice the way across a cell of the grid and its neighbours.
         let way_windows =
             6.0 * BESIDE_WIDTHS * settings.aperture.major_mm() / settings.aperture.minor_mm();
         let before = self.windows.saturating_sub(way_windows.ceil() as u64);
         let same_height = |z_mm: f64| (z_mm - at_mm[2]).abs() < 0.5 * settings.layer_height_mm;
-        let squares = (x.saturating_sub(1)..=x.saturating_add(1))
-            .flat_map(|x| (y.saturating_sub(1)..=y.saturating_add(1)).map(move |y| (x, y)));
-        let mut others = squares
-            .filter_map(|square| self.laid.get(&square))
-            .flatten();
+        let place = Point2::new(at_mm[0], at_mm[1]);
+        let mut others = self.laid.iter().flat_map(|laid| laid.around(place));
         others.any(|(window, z_mm)| *window < before && same_height(*z_mm))
     }
 
     fn close(&mut self, settings: &Settings) {
         let window = std::mem::take(&mut self.now);
-        let square = Self::square(window.at_mm, settings);
-        self.laid
-            .entry(square)
-            .or_default()
-            .push((self.windows, window.at_mm[2]));
+        let reach_mm = BESIDE_WIDTHS * 2.0 * settings.aperture.major_mm();
+        let empty = || PointGrid::of(reach_mm, std::iter::empty());
+        let [x, y, z_mm] = window.at_mm;
+        let laid = self.laid.get_or_insert_with(empty);
+        laid.add(Point2::new(x, y), (self.windows, z_mm));
         self.windows += 1;
         self.run.push_back(window);
         if self.run.len() > 2 * SIDE + 1 {
@@ -225,7 +223,7 @@ impl Evenness {
         let spin_rad = heading_rad.abs() - direction_rad.abs();
         let is_round = settings.aperture.major_mm() <= 1.01 * settings.aperture.minor_mm();
         if spin_rad > SPIN_MAX_RAD && !window.leans && !is_round {
-            self.note(Uneven::Spin, spin_rad, &window);
+            self.note(Uneven::Spin, spin_rad.to_degrees(), &window);
         }
         if self.run.len() == 2 * SIDE + 1 {
             self.compare();
@@ -267,9 +265,8 @@ impl Evenness {
             Uneven::Spin | Uneven::Swollen => value > worst,
             Uneven::Thin | Uneven::Slow => value < worst,
         };
-        let places = self.found.get(&what).map_or(0, |found| found.places);
         let found = self.found.entry(what).or_insert(UnevenPlaces {
-            places,
+            places: 0,
             worst: value,
             at_mm: window.at_mm,
             layer: window.layer,

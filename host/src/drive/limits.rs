@@ -413,7 +413,7 @@ fn window_behind(spans: &[Span], looks: usize, servo_hz: f64) -> VecDeque<Volume
 
 /// The motion at one moment, in natural units and seconds.
 pub(crate) struct Moment {
-    position: [f64; CHANNELS],
+    pub(super) position: [f64; CHANNELS],
     pub(super) velocity: [f64; CHANNELS],
     pub(super) acceleration: [f64; CHANNELS],
     jerk: [f64; CHANNELS],

@@ -1,7 +1,7 @@
-//! The share of the printing time that each limit determines, and the places where the nozzle is
-//! slowest.
+//! The share of the printing time that each limit determines, the places where the nozzle is
+//! slowest, and those where beads are uneven.
 //!
-//! [`SegmentStream`] -> shares by the name of the limit, the slowest places. At every servo tick of a
+//! [`SegmentStream`] -> shares by the name of the limit, the slowest and the uneven places. At every servo tick of a
 //! pass the limit with the highest use counts, if that is at least `AT_LIMIT` of its planned share;
 //! otherwise none does ("none": the motion is between one limit and another, or the segments' fit
 //! slows it). Not covered: the extruder with its events, which is hardly ever the limit.
@@ -93,9 +93,7 @@ impl TimeTally {
                 self.places
                     .add(&span, &moment, key, [f64::from(ticks), servo_hz]);
                 let sample = Sample {
-                    span: &span,
                     moment: &moment,
-                    at_ticks: middle,
                     ticks: f64::from(ticks),
                     is_limited: key.is_some(),
                     layer: mark.layer,

@@ -229,6 +229,7 @@ pub struct Figures {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slow_places: Option<Vec<SlowPlaceFigures>>,
     /// Where beads are uneven, by kind: absent for even ones.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub uneven_places: Option<Vec<UnevenFigures>>,
     /// Tip of the simulated steps against the plan.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -19,14 +19,7 @@ pub fn verdict(figures: &Figures, more: &[String], is_cold: bool) -> VerdictFigu
     let objections = figures.objections.iter().flatten().cloned();
     let reasons: Vec<String> = objections
         .chain(faults(figures))
-        .chain(
-            figures
-                .uneven_places
-                .iter()
-                .flatten()
-                .filter(|of| of.what != "slow")
-                .map(uneven),
-        )
+        .chain(figures.uneven_places.iter().flatten().filter_map(uneven))
         .chain(more.iter().cloned())
         .collect();
     let lines = [
@@ -100,8 +93,8 @@ fn faults(figures: &Figures) -> Option<String> {
     (!is_told).then(|| format!("FAULT: the controller stopped with {faults} fault(s)"))
 }
 
-/// What is uneven about a bead.
-fn uneven(found: &UnevenFigures) -> String {
+/// What is uneven about a bead. Speed that falls at no limit is none: machines that turn the part slow down between two.
+fn uneven(found: &UnevenFigures) -> Option<String> {
     let worst = found.worst;
     let what = match found.what.as_str() {
         "spin" => format!(
@@ -113,14 +106,16 @@ fn uneven(found: &UnevenFigures) -> String {
         "swollen" => format!(
             "SWELLS: the bead has up to {worst:.1} times its cross-section before and behind"
         ),
-        _ => format!("SLOWS: the speed falls to {worst:.2} of that before and behind, at no limit"),
+        _ => return None,
     };
     let (x, y, z, layer) = (found.x_mm, found.y_mm, found.z_mm, found.layer + 1);
     let places = match found.places {
         1 => "in one place".to_string(),
         places => format!("in {places} places, the worst"),
     };
-    format!("{what}, {places} near ({x:.1}, {y:.1}, {z:.1}) on layer {layer}")
+    Some(format!(
+        "{what}, {places} near ({x:.1}, {y:.1}, {z:.1}) on layer {layer}"
+    ))
 }
 
 fn time(figures: &Figures) -> Option<String> {

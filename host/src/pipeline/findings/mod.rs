@@ -354,32 +354,23 @@ pub(crate) fn time_figures(found: TimeByLimit, transform: &PartTransform) -> Fig
             layer: Some(place.layer),
         }
     };
-    let uneven: Vec<UnevenFigures> = (found.uneven.iter())
-        .map(|(what, found)| uneven_figures(*what, found, transform))
-        .collect();
+    let uneven = |(what, found): (Uneven, UnevenPlaces)| {
+        let [x_mm, y_mm, z_mm] = transform.to_input(found.at_mm);
+        UnevenFigures {
+            what: what.name().to_string(),
+            places: found.places,
+            worst: found.worst,
+            x_mm,
+            y_mm,
+            z_mm,
+            layer: found.layer,
+        }
+    };
+    let uneven: Vec<UnevenFigures> = found.uneven.into_iter().map(uneven).collect();
     Figures {
         time_share_by_limit: (!found.shares.is_empty()).then_some(found.shares),
         slow_places: Some(found.slow_places.into_iter().map(place).collect()),
         uneven_places: (!uneven.is_empty()).then_some(uneven),
         ..Figures::default()
-    }
-}
-
-fn uneven_figures(what: Uneven, found: &UnevenPlaces, transform: &PartTransform) -> UnevenFigures {
-    let [x_mm, y_mm, z_mm] = transform.to_input(found.at_mm);
-    let (what, worst) = match what {
-        Uneven::Spin => ("spin", found.worst.to_degrees()),
-        Uneven::Thin => ("thin", found.worst),
-        Uneven::Swollen => ("swollen", found.worst),
-        Uneven::Slow => ("slow", found.worst),
-    };
-    UnevenFigures {
-        what: what.to_string(),
-        places: found.places,
-        worst,
-        x_mm,
-        y_mm,
-        z_mm,
-        layer: found.layer,
     }
 }
