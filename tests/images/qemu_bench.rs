@@ -18,10 +18,10 @@ fn main() {
 }
 
 #[cfg(target_os = "none")]
-#[path = "shared/octopus_step_ports.rs"]
+#[path = "../../firmware/src/bin/shared/octopus_step_ports.rs"]
 mod ports;
 #[cfg(target_os = "none")]
-#[path = "shared/runtime.rs"]
+#[path = "../../firmware/src/bin/shared/runtime.rs"]
 mod runtime;
 
 #[cfg(target_os = "none")]

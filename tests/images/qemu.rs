@@ -4,7 +4,7 @@
 //! at the positions of the simulated carriages, a byte on UART 1 as the emergency input. At the end
 //! of a stream it prints step digest and counts as JSON by semihosting and exits. Run it with
 //! `-icount` or timer ticks are lost; with `shift=4` (16 ns per instruction) the idle loop costs
-//! the emulator little. `tests/emulated.rs` prints a complete example on it and checks that the
+//! the emulator little. `tests/tests/end_to_end/controller/emulated.rs` prints a complete example on it and checks that the
 //! steps are those of the simulation.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -17,7 +17,7 @@ fn main() {
 use defmt_semihosting as _;
 
 #[cfg(target_os = "none")]
-#[path = "shared/runtime.rs"]
+#[path = "../../firmware/src/bin/shared/runtime.rs"]
 mod runtime;
 
 #[cfg(target_os = "none")]
