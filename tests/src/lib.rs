@@ -2,7 +2,8 @@
 //! clock), [`gear`] (the six-axis job that bytes are measured with), [`layer_oracle`] (coverage
 //! from the knots alone), [`ground_oracle`] (the same on curved
 //! ground) and [`judge`] (a plan before it), [`segment_oracle`] (what a stream does,
-//! by de Boor), [`solid_oracle`] (what of a part should be solid, and is open), [`dense_search`] (the published grid search
+//! by de Boor), [`limit_oracle`] (what of the limits it uses),
+//! [`solid_oracle`] (what of a part should be solid, and is open), [`dense_search`] (the published grid search
 //! for headings), [`routes`] and
 //! [`outlines`] (of any size), [`beads`] (as they are laid), [`centre_line`] (a slicer's, against the
 //! stream), [`written_path`] (a stream against what was written of it), [`rs274`] (another interpreter of
@@ -27,6 +28,7 @@ pub mod ground_oracle;
 pub mod jerk_reference;
 pub mod judge;
 pub mod layer_oracle;
+pub mod limit_oracle;
 pub mod outlines;
 pub mod parts;
 pub mod plain_gcode;

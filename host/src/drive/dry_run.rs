@@ -2,10 +2,8 @@
 //!
 //! ```text
 //! SegmentStream -> WireFrames -> Simulator -> steps -> TraceFigures
-//!              \-> LimitFigures
 //! ```
 
-use crate::drive::limits::{self, LimitFigures};
 use crate::drive::plan_curve::stream_ticks;
 use crate::drive::simulator::{Simulation, Simulator, SimulatorError, SimulatorSetup};
 use crate::drive::trace::{self, TraceFigures};
@@ -33,8 +31,6 @@ pub struct DryRun {
     pub simulation: Simulation,
     /// Steps against the plan.
     pub trace: TraceFigures,
-    /// Finished segments against the limits.
-    pub limits: LimitFigures,
     /// Bytes to the controller for each second of motion.
     pub bytes_per_s: f64,
     /// Seconds of motion for each second of simulation (wall clock; the checks not counted).
@@ -58,17 +54,12 @@ pub fn dry_run(
     let simulator = Simulator::new(frames, stream_ticks(&stream.knots), machine, setup)?;
     let simulation = simulator.run(progress)?;
     let wall_s = begun.elapsed().as_secs_f64();
-    let (trace, limits) = rayon::join(
-        || trace::compare(stream, machine, &simulation.motion),
-        || limits::sample(stream, settings),
-    );
     let motion_s = simulation.figures.motion_s;
     Ok(DryRun {
+        trace: trace::compare(stream, machine, &simulation.motion),
         bytes_per_s: simulation.figures.bytes as f64 / motion_s.max(1e-9),
         realtime_factor: motion_s / wall_s.max(1e-9),
         simulation,
-        trace,
-        limits,
     })
 }
 
@@ -78,14 +69,13 @@ mod tests {
     use crate::drive::test_streams::spiral;
 
     #[test]
-    fn a_dry_run_holds_all_three_parts() {
+    fn a_dry_run_holds_its_parts() {
         let settings = Settings::default();
         let stream = spiral(2.0);
         let setup = SimulatorSetup::default();
         let dry_run = dry_run(&stream, &settings, &setup, |_| {}).unwrap();
         assert_eq!(dry_run.simulation.figures.faults, 0);
         assert_eq!(dry_run.trace.final_counts, dry_run.trace.expected_counts);
-        assert!(dry_run.limits.velocity.ratio > 0.1);
         assert!(dry_run.bytes_per_s > 100.0);
         assert!(dry_run.realtime_factor > 1.0);
     }

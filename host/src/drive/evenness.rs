@@ -6,7 +6,7 @@
 //! that the nozzle spans there; a bead beside an earlier one of its layer may be thin, since ground counts once. Not covered:
 //! the ends of a pass, tools that lean.
 
-use crate::drive::limits::Moment;
+use crate::drive::moment::Moment;
 use crate::geometry::point_grid::PointGrid;
 use crate::geometry::{Point2, Vector2};
 use crate::settings::Settings;

@@ -1,17 +1,18 @@
 //! The share of the printing time that each limit determines, the places where the nozzle is
-//! slowest, and those where beads are uneven.
+//! slowest, those where beads are uneven, and the largest use of the limits.
 //!
-//! [`SegmentStream`] -> shares by the name of the limit, the slowest and the uneven places. At every servo tick of a
-//! pass the limit with the highest use counts, if that is at least `AT_LIMIT` of its planned share;
+//! [`SegmentStream`] -> shares by the name of the limit, the slowest and the uneven places, ratios to the planned share.
+//! At every servo tick of a pass the limit with the highest use counts, if that is at least `AT_LIMIT` of its planned share;
 //! otherwise none does ("none": the motion is between one limit and another, or the segments' fit
-//! slows it). Not covered: the extruder with its events, which is hardly ever the limit.
+//! slows it). The extruder with its events, which is hardly ever the limit, counts for the ratios only.
 
 use crate::drive::evenness::{Evenness, Sample, Uneven, UnevenPlaces};
-use crate::drive::limits::Moment;
+use crate::drive::extruder_use::ExtruderUse;
+use crate::drive::moment::Moment;
 use crate::job::{MotionState, SegmentStream};
 use crate::settings::{Settings, joint_names};
 use headway_firmware::path::spline::Span;
-use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS};
 use std::collections::BTreeMap;
 
 /// Share of a limit at which it counts as reached: what the time law and the fit leave below it.
@@ -45,6 +46,12 @@ pub struct TimeByLimit {
     pub slow_places: Vec<SlowPlace>,
     /// Where beads are uneven, by kind.
     pub uneven: BTreeMap<Uneven, UnevenPlaces>,
+    /// Largest speed, acceleration and jerk of the whole motion, as ratios to the planned share of their limits.
+    pub ratios: [f64; 3],
+    /// Largest heading rate.
+    pub heading_rate_max_rad_s: f64,
+    /// Heading travelled in all.
+    pub heading_travel_rad: f64,
 }
 
 /// A limit: (which derivative, which quantity); quantities are the joints, then tip and flow.
@@ -64,6 +71,9 @@ pub struct TimeTally {
     ticks: BTreeMap<Key, u64>,
     places: Places,
     evenness: Evenness,
+    extruder: ExtruderUse,
+    /// What is known of the whole motion.
+    whole: TimeByLimit,
 }
 
 impl TimeTally {
@@ -72,37 +82,70 @@ impl TimeTally {
         let servo_hz = f64::from(settings.machine.servo_hz);
         let mut marks = piece.marks.iter();
         let mut mark = marks.next();
+        let mut events = piece.events.as_slice();
         for span in piece.spans() {
             while mark.is_some_and(|mark| span.start_tick >= mark.end_tick) {
                 mark = marks.next();
                 self.places.close();
             }
-            let Some(mark) = mark.filter(|mark| mark.state == MotionState::Print) else {
-                self.evenness.end();
-                continue;
+            let begun = events.partition_point(|event| event.span as usize <= span.index);
+            let (own, later) = events.split_at(begun);
+            events = later;
+            self.extruder.add(&span, own, settings);
+            let state = mark.map(|mark| mark.state);
+            let tip_mm_s = match state {
+                Some(MotionState::Travel) => settings.travel_speed_mm_s,
+                _ => settings.speed_mm_s,
             };
-            self.places.layer = mark.layer;
+            if state != Some(MotionState::Print) {
+                self.evenness.end();
+            }
+            // Accelerations have their extremes at the ends of a span, and its jerk differs from the next one's.
+            for end in [0.0, f64::from(span.duration_ticks)] {
+                self.look(&Moment::of(&span, end, servo_hz), tip_mm_s, settings);
+            }
+            self.places.layer = mark.map_or(0, |mark| mark.layer);
             // Each evaluated point represents the ticks up to the next one.
             let stride = span.duration_ticks.div_ceil(LOOKS_A_SPAN).max(1);
             for tick in (0..span.duration_ticks).step_by(usize::from(stride)) {
                 let ticks = stride.min(span.duration_ticks - tick);
                 let middle = f64::from(tick) + 0.5 * f64::from(ticks);
                 let moment = Moment::of(&span, middle, servo_hz);
-                let key = binding(&moment, settings);
-                *self.ticks.entry(key).or_default() += u64::from(ticks);
-                self.places
-                    .add(&span, &moment, key, [f64::from(ticks), servo_hz]);
-                let sample = Sample {
-                    moment: &moment,
-                    ticks: f64::from(ticks),
-                    is_limited: key.is_some(),
-                    layer: mark.layer,
-                };
-                self.evenness.add(&sample, settings);
+                let key = self.look(&moment, tip_mm_s, settings);
+                let turned_rad =
+                    moment.velocity[CHANNEL_HEADING].abs() * f64::from(ticks) / servo_hz;
+                self.whole.heading_travel_rad += turned_rad;
+                if state == Some(MotionState::Print) {
+                    *self.ticks.entry(key).or_default() += u64::from(ticks);
+                    self.places
+                        .add(&span, &moment, key, [f64::from(ticks), servo_hz]);
+                    let sample = Sample {
+                        moment: &moment,
+                        ticks: f64::from(ticks),
+                        is_limited: key.is_some(),
+                        layer: self.places.layer,
+                    };
+                    self.evenness.add(&sample, settings);
+                }
             }
         }
         self.places.close();
         self.evenness.end();
+    }
+
+    /// Notes what a moment uses of the limits; the one that is used most, if it is reached.
+    fn look(&mut self, moment: &Moment, tip_mm_s: f64, settings: &Settings) -> Key {
+        let whole = &mut self.whole;
+        let heading_rad_s = moment.velocity[CHANNEL_HEADING].abs();
+        whole.heading_rate_max_rad_s = whole.heading_rate_max_rad_s.max(heading_rad_s);
+        binding(moment, tip_mm_s, settings, |derivative, used| {
+            let ratio = used / settings.plan_share;
+            let most = &mut whole.ratios[derivative];
+            // A value that is not a number must not pass.
+            if ratio > *most || ratio.is_nan() {
+                *most = ratio;
+            }
+        })
     }
 
     /// The result of all parts.
@@ -117,10 +160,18 @@ impl TimeTally {
             limit: name(key, settings),
             layer,
         });
+        let [speed, acceleration, jerk] = self.whole.ratios;
+        let of_extruder = self.extruder.ratios;
         TimeByLimit {
             shares: self.ticks.into_iter().map(share).collect(),
             slow_places: slow.collect(),
             uneven: self.evenness.found(),
+            ratios: [
+                speed.max(of_extruder[0]),
+                acceleration.max(of_extruder[1]),
+                jerk,
+            ],
+            ..self.whole
         }
     }
 }
@@ -147,7 +198,8 @@ pub fn limit_names(settings: &Settings) -> Vec<String> {
 pub fn limit_at(span: &Span, t_ticks: f64, settings: &Settings) -> Option<usize> {
     let servo_hz = f64::from(settings.machine.servo_hz);
     let quantities = quantities(settings);
-    let (derivative, quantity) = binding(&Moment::of(span, t_ticks, servo_hz), settings)?;
+    let moment = Moment::of(span, t_ticks, servo_hz);
+    let (derivative, quantity) = binding(&moment, settings.speed_mm_s, settings, |_, _| ())?;
     Some(derivative * quantities + quantity)
 }
 
@@ -166,13 +218,19 @@ fn name(key: Key, settings: &Settings) -> String {
     format!("{quantity}_{}", DERIVATIVES[derivative])
 }
 
-/// The limit that is used most at a moment, if it is reached.
-fn binding(moment: &Moment, settings: &Settings) -> Key {
+/// The limit that is used most at a moment, if it is reached; `note` has the use of each.
+fn binding(
+    moment: &Moment,
+    tip_mm_s: f64,
+    settings: &Settings,
+    mut note: impl FnMut(usize, f64),
+) -> Key {
     let joint_count = joint_names(&settings.machine.kinematics).len();
     let norm = |v: &[f64; CHANNELS]| v[0].hypot(v[1]).hypot(v[2]);
     let mut most = (AT_LIMIT * settings.plan_share, None);
     let mut look = |derivative: usize, quantity: usize, value: f64, limit: f64| {
         let used = value.abs() / limit;
+        note(derivative, used);
         if used > most.0 {
             most = (used, Some((derivative, quantity)));
         }
@@ -193,7 +251,7 @@ fn binding(moment: &Moment, settings: &Settings) -> Key {
         }
     }
     let (tip, flow) = (joint_count, joint_count + 1);
-    look(0, tip, norm(&moment.velocity), settings.speed_mm_s);
+    look(0, tip, norm(&moment.velocity), tip_mm_s);
     look(
         1,
         tip,
@@ -301,5 +359,20 @@ mod tests {
         let bound = fastest(&mut settings);
         assert!(bound.shares["tip_speed"] > 0.9, "{bound:?}");
         assert_eq!(bound.slow_places[0].limit, "tip_speed");
+    }
+
+    #[test]
+    fn primes_count_towards_the_largest_use() {
+        let mut settings = Settings::default();
+        let mut stream = spiral(2.0);
+        let still = time_by_limit(&stream, &settings).ratios[0];
+        // A prime of 0.3 mm³ in 80 ticks peaks at 1.875 · 0.3 / 0.04 s = 14.06 mm³/s.
+        settings.machine.extruder.speed_max_mm3_s = 10.0;
+        let tight = time_by_limit(&stream, &settings).ratios[0];
+        let expected = 14.0625 / (10.0 * settings.plan_share);
+        assert!((tight / expected - 1.0).abs() < 1e-3, "{tight}");
+        stream.events.clear();
+        let without = time_by_limit(&stream, &settings).ratios[0];
+        assert!(without < tight && still < tight, "{without} {still}");
     }
 }

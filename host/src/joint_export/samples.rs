@@ -4,7 +4,7 @@
 //! two rows the joints are followed in steps of at most `TURNS_EVERY_TICKS`, so that no turn is missed.
 
 use crate::drive::joint_track::JointTrack;
-use crate::drive::limits::Moment;
+use crate::drive::moment::Moment;
 use crate::drive::trace::count_of;
 use crate::job::SegmentStream;
 use crate::report::pose_table::{StreamSample, duration_ticks, moments_within};

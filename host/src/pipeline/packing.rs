@@ -5,7 +5,6 @@
 //! figures of the finished motion, the job's header. Not covered: the destination of the job.
 
 use crate::drive::device_check::{DeviceCheck, Refused};
-use crate::drive::limits::{LimitFigures, LimitTally};
 use crate::drive::time_by_limit::{TimeByLimit, TimeTally};
 use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
@@ -28,7 +27,6 @@ use std::io::{Read, Seek, Write};
 pub struct JobPacking<F: Write> {
     spool: JobSpool<F>,
     is_empty: bool,
-    limits: LimitTally,
     times: TimeTally,
     device: DeviceCheck,
 }
@@ -37,9 +35,7 @@ pub struct JobPacking<F: Write> {
 pub struct PackedJob<F> {
     /// Its frames.
     pub frames: SpooledJob<F>,
-    /// Its use of the limits.
-    pub limits: LimitFigures,
-    /// Shares of its time by limit.
+    /// Its use of the limits, and shares of its time.
     pub times: TimeByLimit,
     /// Where a board would stop it: such a job is not to be written.
     pub refused: Option<Refused>,
@@ -71,7 +67,6 @@ impl<F: Read + Write + Seek> JobPacking<F> {
         JobPacking {
             spool: JobSpool::new(file),
             is_empty: true,
-            limits: LimitTally::default(),
             times: TimeTally::default(),
             device: DeviceCheck::default(),
         }
@@ -97,15 +92,12 @@ impl<F: Read + Write + Seek> JobPacking<F> {
             machine: piece.machine(&settings.machine),
             ..settings.clone()
         };
-        let (limits, times, device) = (&mut self.limits, &mut self.times, &mut self.device);
+        let (times, device) = (&mut self.times, &mut self.device);
         let added = self.spool.add(piece, first_pass);
-        let tallied = || {
-            rayon::join(
-                || limits.add(piece, &settings),
-                || times.add(piece, &settings),
-            )
-        };
-        rayon::join(tallied, || device.add(piece, &settings.machine));
+        rayon::join(
+            || times.add(piece, &settings),
+            || device.add(piece, &settings.machine),
+        );
         added
     }
 
@@ -116,7 +108,6 @@ impl<F: Read + Write + Seek> JobPacking<F> {
     pub fn finish(self, settings: &Settings) -> Result<PackedJob<F>, SpoolError> {
         Ok(PackedJob {
             frames: self.spool.finish()?,
-            limits: self.limits.figures,
             times: self.times.finish(settings),
             refused: self.device.finish(),
         })
@@ -129,9 +120,6 @@ impl<F> PackedJob<F> {
         let bytes = self.frames.line_bytes;
         let print_s = planned.print_s.unwrap_or_default();
         planned.merged_with(&Figures {
-            limit_ratio_velocity: Some(self.limits.velocity.ratio),
-            limit_ratio_acceleration: Some(self.limits.acceleration.ratio),
-            limit_ratio_jerk: Some(self.limits.jerk.ratio),
             bytes: Some(bytes),
             bytes_per_s: Some(bytes as f64 / print_s.max(1e-9)),
             ..time_figures(self.times.clone(), transform)

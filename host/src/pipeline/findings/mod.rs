@@ -342,7 +342,7 @@ pub(crate) fn unreachable_note(unreachable: &[UnreachableRun], length_mm: f64) -
     })
 }
 
-/// Which limits take the printing time, and where it is slowest.
+/// How much of the limits is used, which of them take the printing time, and where it is slowest.
 pub(crate) fn time_figures(found: TimeByLimit, transform: &PartTransform) -> Figures {
     let place = |place: SlowPlace| {
         let [x_mm, y_mm, _] = transform.to_input(place.at_mm);
@@ -367,7 +367,11 @@ pub(crate) fn time_figures(found: TimeByLimit, transform: &PartTransform) -> Fig
         }
     };
     let uneven: Vec<UnevenFigures> = found.uneven.into_iter().map(uneven).collect();
+    let [velocity, acceleration, jerk] = found.ratios.map(Some);
     Figures {
+        limit_ratio_velocity: velocity,
+        limit_ratio_acceleration: acceleration,
+        limit_ratio_jerk: jerk,
         time_share_by_limit: (!found.shares.is_empty()).then_some(found.shares),
         slow_places: Some(found.slow_places.into_iter().map(place).collect()),
         uneven_places: (!uneven.is_empty()).then_some(uneven),

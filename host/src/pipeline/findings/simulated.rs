@@ -18,15 +18,13 @@ pub fn simulation_figures(
     transform: &PartTransform,
     settings: &Settings,
 ) -> Figures {
-    let (s, t, l) = (&dry_run.simulation.figures, &dry_run.trace, &dry_run.limits);
+    let (s, t) = (&dry_run.simulation.figures, &dry_run.trace);
+    let times = time_by_limit(stream, settings);
     Figures {
         bytes: Some(s.bytes),
         bytes_per_s: Some(dry_run.bytes_per_s),
-        limit_ratio_velocity: Some(l.velocity.ratio),
-        limit_ratio_acceleration: Some(l.acceleration.ratio),
-        limit_ratio_jerk: Some(l.jerk.ratio),
-        heading_travel_rad: Some(l.heading_travel_rad),
-        heading_rate_max_rad_s: Some(l.heading_rate_max_rad_s),
+        heading_travel_rad: Some(times.heading_travel_rad),
+        heading_rate_max_rad_s: Some(times.heading_rate_max_rad_s),
         tip_error_um_max: Some(t.tip_error_um_max),
         tip_error_um_rms: Some(t.tip_error_um_rms),
         heading_error_mrad_max: Some(t.heading_error_mrad_max),
@@ -45,7 +43,7 @@ pub fn simulation_figures(
         holds: Some(s.holds),
         faults: Some(s.faults),
         realtime_factor: Some(dry_run.realtime_factor),
-        ..time_figures(time_by_limit(stream, settings), transform)
+        ..time_figures(times, transform)
     }
 }
 

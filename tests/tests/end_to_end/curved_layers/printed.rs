@@ -13,6 +13,7 @@ use headway::pipeline::planned::Planned;
 use headway::pipeline::surface::curved_layers::{CurvedLayers, plan_curved_layers};
 use headway::settings::{Infill, Settings};
 use headway_tests::curved_parts::{CurvedPart, dome};
+use headway_tests::limit_oracle;
 use headway_tests::segment_oracle::Oracle;
 use nalgebra::{Rotation3, Vector3};
 
@@ -21,7 +22,8 @@ pub(super) fn assert_printed(plan: &Plan, settings: &Settings) {
     let mut settings = settings.clone();
     settings.machine = plan.stream.machine(&settings.machine);
     let printed = dry_run(&plan.stream, &settings, &SimulatorSetup::default(), |_| {}).unwrap();
-    let (figures, limits, trace) = (&printed.simulation.figures, &printed.limits, &printed.trace);
+    let (figures, trace) = (&printed.simulation.figures, &printed.trace);
+    let limits = limit_oracle::sample(&plan.stream, &settings);
     println!(
         "faults {}, tip {:.1} um of {:.1}",
         figures.faults, trace.tip_error_um_max, trace.half_step_um_max

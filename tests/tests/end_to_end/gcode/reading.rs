@@ -13,6 +13,7 @@ use headway::report::pose_table::samples_within;
 use headway::settings::Settings;
 use headway_tests::centre_line::beside;
 use headway_tests::folders::files;
+use headway_tests::limit_oracle;
 use std::f64::consts::PI;
 
 fn program(text: &str) -> GcodeProgram {
@@ -34,11 +35,12 @@ fn check_run(plan: &GcodePlan) {
     assert_eq!(run.simulation.figures.faults, 0);
     assert_eq!(run.simulation.figures.holds, 0);
     assert_eq!(run.trace.final_counts, run.trace.expected_counts);
+    let limits = limit_oracle::sample(&plan.stream, &plan.settings);
     // By the sampler that shares no code with the planner; jerk as everywhere.
     for (ratio, most) in [
-        (run.limits.velocity.ratio, 1.0),
-        (run.limits.acceleration.ratio, 1.0),
-        (run.limits.jerk.ratio, 1.02),
+        (limits.velocity.ratio, 1.0),
+        (limits.acceleration.ratio, 1.0),
+        (limits.jerk.ratio, 1.02),
     ] {
         assert!(ratio <= most + 1e-9, "{ratio}");
     }

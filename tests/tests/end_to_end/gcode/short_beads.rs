@@ -10,6 +10,7 @@ use headway::gcode::{GcodeOptions, read};
 use headway::pipeline::gcode::{GcodePlan, plan_gcode};
 use headway::settings::Settings;
 use headway_firmware::path::spline::Span;
+use headway_tests::limit_oracle;
 
 /// Lengths of beads, mm.
 const LENGTHS_MM: [f64; 8] = [0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.2, 2.0];
@@ -51,7 +52,8 @@ fn check(name: &str, text: &str, settings: &Settings) {
     let fault = run.simulation.fault;
     assert_eq!(run.simulation.figures.faults, 0, "{name}: {fault:?}");
     assert_eq!(run.trace.final_counts, run.trace.expected_counts, "{name}");
-    let (limits, passes) = (run.limits, plan.figures.passes);
+    let limits = limit_oracle::sample(&plan.stream, &plan.settings);
+    let passes = plan.figures.passes;
     let worst = limits.velocity.ratio.max(limits.acceleration.ratio);
     println!("{name}: {worst:.4} of a limit, {passes} passes");
     assert!(worst <= RATIO_MAX, "{name}: {limits:?}");

@@ -12,6 +12,7 @@ use headway::plan_target;
 use headway::settings::Settings;
 use headway_firmware::configuration::JOINTS_MAX;
 use headway_firmware::kinematics::forward;
+use headway_tests::limit_oracle;
 use std::path::Path;
 
 const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/u-part.json");
@@ -101,7 +102,7 @@ fn over_a_warped_bed_the_first_layers_are_as_thick_as_planned_and_the_top_is_pla
     }
     // The board's bound, of the share that plans use.
     let share = settings.plan_share;
-    let limits = &lifted.limits;
+    let limits = limit_oracle::sample(&over, &settings);
     assert!(limits.velocity.ratio * share <= 1.05, "{limits:?}");
     assert!(limits.acceleration.ratio * share <= 1.05, "{limits:?}");
 

@@ -9,6 +9,7 @@ use headway::input::{Format, ReadOptions, read};
 use headway::job::SegmentStream;
 use headway::plan_target;
 use headway::settings::{Settings, machine_file};
+use headway_tests::limit_oracle;
 use std::path::Path;
 
 fn machine(name: &str) -> Settings {
@@ -117,7 +118,7 @@ fn motors_of_two_belts_keep_their_own_limits() {
         settings
     };
     let (planar, core) = (slow(machine("planar.toml")), slow(machine("corexy.toml")));
-    let ((_, direct), (_, belts)) = (printed(&planar), printed(&core));
+    let ((_, direct), (stream, belts)) = (printed(&planar), printed(&core));
     let sum = fastest_mm_s(&counts_at_ticks(&direct, &planar), &planar, |c| c[0] + c[1]);
     let counts = counts_at_ticks(&belts, &core);
     let motors = [0, 1].map(|motor| fastest_mm_s(&counts, &core, |counts| counts[motor]));
@@ -134,7 +135,7 @@ fn motors_of_two_belts_keep_their_own_limits() {
             .all(|speed| *speed <= limit && *speed > 0.9 * limit),
         "{motors:?}"
     );
-    let limits = &belts.limits;
+    let limits = limit_oracle::sample(&stream, &core);
     assert!(
         limits.velocity.ratio <= 1.0 && limits.acceleration.ratio <= 1.0,
         "{limits:?}"

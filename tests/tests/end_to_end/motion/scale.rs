@@ -8,6 +8,7 @@ use headway::input::Target;
 use headway::job::frames::WireFrames;
 use headway::settings::{Settings, machine_file};
 use headway::{Plan, plan_target};
+use headway_tests::limit_oracle;
 use headway_tests::outlines::{example, region};
 use headway_tests::segment_oracle::{Oracle, sample_limits};
 
@@ -139,7 +140,8 @@ fn runs_as_planned(plan: &Plan, times: f64) {
     );
     let setup = SimulatorSetup::default();
     let run = dry_run(stream, &settings, &setup, |_| {}).unwrap();
-    let (figures, trace, limits) = (&run.simulation.figures, &run.trace, &run.limits);
+    let (figures, trace) = (&run.simulation.figures, &run.trace);
+    let limits = limit_oracle::sample(stream, &settings);
     println!("{figures:?}\n{trace:?}\n{limits:?}");
     assert_eq!(
         (figures.faults, figures.underruns, figures.holds),

@@ -13,6 +13,7 @@ use headway_firmware::configuration::Kinematics;
 use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::{KinematicsError, forward, inverse};
+use headway_tests::limit_oracle;
 use nalgebra::{
     Isometry3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector2, Vector3,
 };
@@ -242,13 +243,10 @@ fn assert_printed(name: &str, plan: &Plan, settings: &Settings) -> DryRun {
     let (figures, trace) = (&run.simulation.figures, &run.trace);
     println!("{name}: {:.1} s, {trace:?}", figures.motion_s);
     assert_eq!(figures.faults, 0, "{name}: {:?}", run.simulation.fault);
-    assert!(run.limits.velocity.ratio <= 1.0, "{name}: {:?}", run.limits);
-    assert!(
-        run.limits.acceleration.ratio <= 1.0,
-        "{name}: {:?}",
-        run.limits
-    );
-    assert!(run.limits.jerk.ratio <= 1.02, "{name}: {:?}", run.limits);
+    let limits = limit_oracle::sample(&plan.stream, settings);
+    assert!(limits.velocity.ratio <= 1.0, "{name}: {limits:?}");
+    assert!(limits.acceleration.ratio <= 1.0, "{name}: {limits:?}");
+    assert!(limits.jerk.ratio <= 1.02, "{name}: {limits:?}");
     assert!(
         trace.tip_error_um_max <= trace.half_step_um_max + 5.0,
         "{name}: {trace:?}"

@@ -13,6 +13,7 @@ use headway::job::MotionState;
 use headway::settings::{Settings, machine_file};
 use headway::{Plan, plan_waypoints};
 use headway_firmware::configuration::Kinematics;
+use headway_tests::limit_oracle;
 use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
 
@@ -152,7 +153,8 @@ fn simulated(name: &str, places: &[Place], settings: &Settings) -> (Plan, DryRun
     let mut settings = settings.clone();
     settings.machine = plan.stream.machine(&settings.machine);
     let done = dry_run(&plan.stream, &settings, &SimulatorSetup::default(), |_| {}).unwrap();
-    let (figures, limits) = (&done.simulation.figures, &done.limits);
+    let figures = &done.simulation.figures;
+    let limits = limit_oracle::sample(&plan.stream, &settings);
     assert_eq!(figures.faults, 0, "{name}: {:?}", done.simulation.fault);
     assert!(limits.velocity.ratio <= 1.0, "{name}");
     assert!(limits.acceleration.ratio <= 1.0, "{name}");

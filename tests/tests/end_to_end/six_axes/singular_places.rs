@@ -10,6 +10,7 @@ use headway::input::waypoints::{WaypointRun, read};
 use headway::job::MotionState;
 use headway::settings::{Place, Settings, machine_file};
 use headway::{Plan, plan_waypoints};
+use headway_tests::limit_oracle;
 use nalgebra::{Unit, Vector3};
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::TAU;
@@ -88,7 +89,7 @@ fn random_run(seed: u64, tilt_max: f64) -> WaypointRun {
 fn assert_prints(name: &str, plan: &Plan, settings: &Settings) {
     let done = dry_run(&plan.stream, settings, &SimulatorSetup::default(), |_| {}).unwrap();
     assert_eq!(done.simulation.figures.faults, 0, "{name}");
-    let limits = &done.limits;
+    let limits = limit_oracle::sample(&plan.stream, settings);
     assert!(limits.velocity.ratio <= 1.0, "{name}");
     assert!(
         limits.acceleration.ratio <= 1.0,

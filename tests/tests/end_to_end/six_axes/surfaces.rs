@@ -15,6 +15,7 @@ use headway::pipeline::surface::{SurfaceError, plan_on_surface};
 use headway::settings::head_shape::HeadOutline;
 use headway::settings::{Settings, machine_file};
 use headway::{Plan, PlanError, plan_target};
+use headway_tests::limit_oracle;
 use headway_tests::segment_oracle::Oracle;
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -194,7 +195,8 @@ fn print_poses(plan: &Plan, layer: u32) -> Vec<(Vec3, nalgebra::Rotation3<f64>)>
 /// Simulated without a fault, within the limits, the pose as near as half a step and 5 um explain.
 fn assert_printed(plan: &Plan, settings: &Settings) {
     let printed = dry_run(&plan.stream, settings, &SimulatorSetup::default(), |_| {}).unwrap();
-    let (figures, limits, trace) = (&printed.simulation.figures, &printed.limits, &printed.trace);
+    let (figures, trace) = (&printed.simulation.figures, &printed.trace);
+    let limits = limit_oracle::sample(&plan.stream, settings);
     assert_eq!(figures.faults, 0, "{:?}", printed.simulation.fault);
     assert!(
         limits.velocity.ratio <= 1.0 && limits.acceleration.ratio <= 1.0,

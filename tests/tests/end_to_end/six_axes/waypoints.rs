@@ -9,6 +9,7 @@ use headway::input::waypoints::{WaypointRun, read};
 use headway::plan_waypoints;
 use headway::settings::{Settings, machine_file};
 use headway_tests::gear;
+use headway_tests::limit_oracle;
 use std::path::PathBuf;
 
 /// Length of the gear, mm.
@@ -96,8 +97,8 @@ fn the_gear_takes_few_bytes_whatever_the_microstepping() {
         assert_eq!(figures.faults, 0, "{:?}", dry_run.simulation.fault);
         assert!(per_mm <= 25.0, "{per_mm} bytes a mm, travel included");
         assert_eq!(dry_run.trace.final_counts, dry_run.trace.expected_counts);
-        assert!(dry_run.limits.velocity.ratio <= 1.0);
-        assert!(dry_run.limits.acceleration.ratio <= 1.0);
+        let limits = limit_oracle::sample(&plan.stream, &settings);
+        assert!(limits.velocity.ratio <= 1.0 && limits.acceleration.ratio <= 1.0);
         bytes.push(figures.bytes);
     }
     // Steps are the controller's affair: the stream is the same to the byte.
@@ -236,8 +237,8 @@ fn waypoints_are_passed_at_the_speeds_they_ask_for() {
     let plan = plan_waypoints(&run, &settings).unwrap();
     let simulated = dry_run(&plan.stream, &settings, &SimulatorSetup::default(), |_| {}).unwrap();
     assert_eq!(simulated.simulation.figures.faults, 0);
-    assert!(simulated.limits.velocity.ratio <= 1.0);
-    assert!(simulated.limits.acceleration.ratio <= 1.0);
+    let limits = limit_oracle::sample(&plan.stream, &settings);
+    assert!(limits.velocity.ratio <= 1.0 && limits.acceleration.ratio <= 1.0);
     let record = &simulated.simulation.motion;
     let steps_per_mm = settings.machine.joints[0].steps_per_unit;
     // When X was last at each place of the part; the head leaves straight up.

@@ -5,7 +5,7 @@
 //! had been sampled: a span is one cubic, whose extremes are sampled in addition. Around its ends, where the
 //! pressure advance still depends on the previous span, every tick is sampled.
 
-use super::{LOOKS_PER_TICK, Limit, Moment, Sampler, note};
+use super::{LOOKS_PER_TICK, Limit, Moment, Sampler, VolumeRate, note};
 use headway_firmware::path::spline::Span;
 use headway_protocol::units::CHANNEL_HEADING;
 use std::ops::Range;
@@ -46,14 +46,14 @@ impl Sampler<'_> {
         let last = self.window.len() as u32;
         for (k, rate) in (0u32..).zip(self.window.iter_mut()) {
             let local = f64::from(middle.end + k - last) / per_tick;
-            *rate = Moment::of(span, local, self.servo_hz).volume_rate();
+            *rate = VolumeRate::of(&Moment::of(span, local, self.servo_hz));
         }
     }
 
     /// e' = V' + K V'' and events, where the window sees the same change all along.
     fn steady_extruder(&mut self, moment: &Moment, ticks: f64) {
         let extruder = &self.settings.machine.extruder;
-        let now = moment.volume_rate();
+        let now = VolumeRate::of(moment);
         let advance_s = extruder.pressure_advance_s;
         let (rate_max, change_max) = (extruder.speed_max_mm3_s, extruder.acceleration_max_mm3_s2);
         let event = self.event_rate(ticks - self.delay_looks as f64 / f64::from(LOOKS_PER_TICK));

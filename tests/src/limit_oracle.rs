@@ -1,36 +1,29 @@
 //! An independent sampler of the finished segments: their ratio to each limit.
 //!
-//! [`SegmentStream`] -> ratios to `plan_share` of every limit. It shares no code with the planner:
-//! spans are evaluated in double precision from the control points, joints by inverse kinematics of
-//! the local Taylor polynomial. It samples every servo tick, knots from both sides (where every
-//! channel's acceleration has its extremes), the middle between ticks, and the extremes of every
-//! channel's velocity. Joint derivatives of machines that are not linear in the channels come from
-//! central differences over `DIFFERENCE_S`.
+//! [`SegmentStream`] -> ratios to `plan_share` of every limit. It shares no code with the planner, and with the walk
+//! that gives the product's figures only a moment's derivatives: spans are evaluated in double precision from the
+//! control points, joints by inverse kinematics of the local Taylor polynomial. It samples every servo tick, knots from
+//! both sides (where every channel's acceleration has its extremes), the middle between ticks, and the extremes of
+//! every channel's velocity.
 
 mod crawl;
 mod pair;
 
-use crate::job::{Mark, MotionState, SegmentStream};
-use crate::settings::Settings;
-use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
-use headway_firmware::kinematics::pose::Pose;
-use headway_firmware::kinematics::{inverse, winds};
+use headway::drive::moment::Moment;
+use headway::job::{Mark, MotionState, SegmentStream};
+use headway::settings::Settings;
 use headway_firmware::path::spline::Span;
 use headway_firmware::steps::delay::advance_centre_ticks;
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS, Units};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-use std::f64::consts::TAU;
 
-/// Half width of the central differences: rounding gives 10⁻⁶ of an acceleration, truncation less.
-const DIFFERENCE_S: f64 = 2e-4;
 /// Samples per servo tick: for quantities that have their extremes between ticks and are not
 /// channels themselves (the tip's speed, joints of machines that tilt, primes).
 const LOOKS_PER_TICK: u32 = 2;
 /// A ratio and its place.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Peak {
     /// Value over `plan_share` of its limit.
     pub ratio: f64,
@@ -41,7 +34,7 @@ pub struct Peak {
 }
 
 /// The limits that are checked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Limit {
     /// Nothing moves.
     #[default]
@@ -59,7 +52,7 @@ pub enum Limit {
 }
 
 /// Ratios to `plan_share` of the limits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LimitFigures {
     /// Velocities: joints, tip, flow, extruder.
     pub velocity: Peak,
@@ -73,90 +66,31 @@ pub struct LimitFigures {
     pub heading_travel_rad: f64,
 }
 
-/// Spans that one thread samples, and that are in memory at the same time.
+/// Spans that one thread samples.
 const SPANS_AT_ONCE: usize = 256;
-const SPANS_HELD: usize = 64 * SPANS_AT_ONCE;
 
 /// Samples the complete stream.
 pub fn sample(stream: &SegmentStream, settings: &Settings) -> LimitFigures {
-    let mut tally = LimitTally::default();
-    tally.add(stream, settings);
-    tally.figures
-}
-
-/// Samples a stream part by part: the effect of pressure advance and events of one part on the next one
-/// counts there.
-#[derive(Clone, Debug, Default)]
-pub struct LimitTally {
-    /// What was found so far.
-    pub figures: LimitFigures,
-    /// Servo ticks of the pieces so far.
-    ticks: u64,
-    /// The last spans.
-    before: Vec<Span>,
-    /// Events that may not have ended: start tick and event, in order.
-    events: Vec<(f64, FlowEvent)>,
-}
-
-impl LimitTally {
-    /// Samples the next part, which begins at the end of the last one, at rest.
-    pub fn add(&mut self, piece: &SegmentStream, settings: &Settings) {
-        let from = self.ticks;
-        let whole = || {
-            let spans = piece.spans();
-            spans.map(|mut span| {
-                span.start_tick += from;
-                span
-            })
-        };
-        let starts: Vec<u64> = whole().map(|span| span.start_tick).collect();
-        let start_of = |event: &FlowEvent| {
-            let span = starts.get(event.span as usize).copied().unwrap_or(from);
-            span as f64 + f64::from(event.offset_ticks)
-        };
-        let events = piece.events.iter().map(|event| (start_of(event), *event));
-        self.events.extend(events);
-        let marks: Vec<Mark> = piece.marks.iter().map(|mark| shifted(mark, from)).collect();
-        let mut spans = whole();
-        let mut held = std::mem::take(&mut self.before);
-        loop {
-            let known = held.len();
-            // A long job has more spans than are to be held at the same time.
-            held.extend(spans.by_ref().take(SPANS_HELD));
-            if held.len() == known {
-                break;
-            }
-            let parts = (known..held.len()).into_par_iter().step_by(SPANS_AT_ONCE);
-            let parts: Vec<LimitFigures> = parts
-                .map(|first| {
-                    let (before, rest) = held.split_at(first);
-                    let rest = &rest[..rest.len().min(SPANS_AT_ONCE)];
-                    let mut sampler = Sampler::new(&marks, &self.events, before, rest, settings);
-                    for span in rest {
-                        sampler.span(span);
-                    }
-                    sampler.figures
-                })
-                .collect();
-            self.figures = parts.into_iter().fold(self.figures, LimitFigures::with);
-            if let Some(last) = held.last() {
-                self.ticks = last.start_tick + u64::from(last.duration_ticks);
-            }
-            // A span has a look at least: the window does not reach back further.
-            held.drain(..held.len().saturating_sub(window_looks(settings)));
-        }
-        let behind = self.ticks as f64 - f64::from(delay_ticks_of(settings));
-        self.events.retain(|event| end_of(event) >= behind);
-        self.before = held;
-    }
-}
-
-fn shifted(mark: &Mark, ticks: u64) -> Mark {
-    Mark {
-        start_tick: mark.start_tick + ticks,
-        end_tick: mark.end_tick + ticks,
-        ..*mark
-    }
+    let spans: Vec<Span> = stream.spans().collect();
+    let start_of = |event: &FlowEvent| {
+        let span = spans.get(event.span as usize);
+        span.map_or(0.0, |span| span.start_tick as f64) + f64::from(event.offset_ticks)
+    };
+    let events = stream.events.iter().map(|event| (start_of(event), *event));
+    let events: Vec<(f64, FlowEvent)> = events.collect();
+    let parts = (0..spans.len()).into_par_iter().step_by(SPANS_AT_ONCE);
+    let parts: Vec<LimitFigures> = parts
+        .map(|first| {
+            let (before, rest) = spans.split_at(first);
+            let rest = &rest[..rest.len().min(SPANS_AT_ONCE)];
+            let mut sampler = Sampler::new(&stream.marks, &events, before, rest, settings);
+            rest.iter().for_each(|span| sampler.span(span));
+            sampler.figures
+        })
+        .collect();
+    parts
+        .into_iter()
+        .fold(LimitFigures::default(), LimitFigures::with)
 }
 
 fn end_of((start, event): &(f64, FlowEvent)) -> f64 {
@@ -199,6 +133,15 @@ impl LimitFigures {
 struct VolumeRate {
     rate_mm3_s: f64,
     change_mm3_s2: f64,
+}
+
+impl VolumeRate {
+    fn of(moment: &Moment) -> Self {
+        VolumeRate {
+            rate_mm3_s: moment.velocity[CHANNEL_VOLUME],
+            change_mm3_s2: moment.acceleration[CHANNEL_VOLUME],
+        }
+    }
 }
 
 struct Sampler<'a> {
@@ -342,7 +285,7 @@ impl<'a> Sampler<'a> {
     /// piecewise linear in its second derivative between servo ticks, but for the events.
     fn extruder(&mut self, moment: &Moment, ticks: f64, is_end: bool) {
         let extruder = &self.settings.machine.extruder;
-        let now = moment.volume_rate();
+        let now = VolumeRate::of(moment);
         let before = self.window.front().copied().unwrap_or_default();
         let looks_back = self.delay_looks.min(self.window.len());
         let middle = match looks_back {
@@ -403,84 +346,12 @@ fn window_behind(spans: &[Span], looks: usize, servo_hz: f64) -> VecDeque<Volume
     });
     for (span, look) in last_first.take(looks) {
         let local = f64::from(look) / f64::from(LOOKS_PER_TICK);
-        window.push_front(Moment::of(span, local, servo_hz).volume_rate());
+        window.push_front(VolumeRate::of(&Moment::of(span, local, servo_hz)));
     }
     while window.len() < looks {
         window.push_front(VolumeRate::default());
     }
     window
-}
-
-/// The motion at one moment, in natural units and seconds.
-pub(crate) struct Moment {
-    pub(super) position: [f64; CHANNELS],
-    pub(super) velocity: [f64; CHANNELS],
-    pub(super) acceleration: [f64; CHANNELS],
-    jerk: [f64; CHANNELS],
-}
-
-impl Moment {
-    pub(crate) fn of(span: &Span, local: f64, servo_hz: f64) -> Self {
-        Moment {
-            position: span.position(local),
-            velocity: span.velocity(local, servo_hz),
-            acceleration: span.acceleration(local, servo_hz),
-            jerk: span.jerk(servo_hz),
-        }
-    }
-
-    fn volume_rate(&self) -> VolumeRate {
-        VolumeRate {
-            rate_mm3_s: self.velocity[CHANNEL_VOLUME],
-            change_mm3_s2: self.acceleration[CHANNEL_VOLUME],
-        }
-    }
-
-    /// First to third time derivative of every joint. A pose without joints has none.
-    pub(crate) fn joint_derivatives(&self, kinematics: &Kinematics) -> [[f64; JOINTS_MAX]; 3] {
-        let mut derivatives = [[0.0; JOINTS_MAX]; 3];
-        if matches!(kinematics, Kinematics::Planar) {
-            // X Y Z C are channels themselves.
-            for (joint, channel) in [0, 1, 2, CHANNEL_HEADING].into_iter().enumerate() {
-                derivatives[0][joint] = self.velocity[channel];
-                derivatives[1][joint] = self.acceleration[channel];
-                derivatives[2][joint] = self.jerk[channel];
-            }
-            return derivatives;
-        }
-        let h = DIFFERENCE_S;
-        let at = |time_s: f64| self.joints(kinematics, time_s);
-        let (Some(a), Some(b), Some(c), Some(d), Some(e)) =
-            (at(-2.0 * h), at(-h), at(0.0), at(h), at(2.0 * h))
-        else {
-            return derivatives;
-        };
-        for joint in 0..JOINTS_MAX {
-            let winds = winds(kinematics) >> joint & 1 != 0;
-            let [a, b, c, d, e] = [a, b, c, d, e].map(|joints| {
-                // The turn that is nearest to the middle.
-                let turns = ((c[joint] - joints[joint]) / TAU).round();
-                joints[joint] + if winds { turns * TAU } else { 0.0 }
-            });
-            // Five-point stencils: fourth order in h for the first two.
-            derivatives[0][joint] = (8.0 * (d - b) - (e - a)) / (12.0 * h);
-            derivatives[1][joint] = (16.0 * (d + b) - (e + a) - 30.0 * c) / (12.0 * h * h);
-            derivatives[2][joint] = (e - a - 2.0 * (d - b)) / (2.0 * h * h * h);
-        }
-        derivatives
-    }
-
-    /// Joints on the local Taylor polynomial, so that a knot is evaluated from one side.
-    fn joints(&self, kinematics: &Kinematics, time_s: f64) -> Option<[f64; JOINTS_MAX]> {
-        let channels = std::array::from_fn(|c| {
-            self.position[c]
-                + time_s
-                    * (self.velocity[c]
-                        + time_s * (self.acceleration[c] / 2.0 + time_s * self.jerk[c] / 6.0))
-        });
-        let joints = inverse(kinematics, &Pose::from_channels(&channels));
-        joints.ok().map(|joints| joints.position)
-    }
 }
 
 fn note(peak: &mut Peak, value: f64, what: Limit, time_s: f64) {
@@ -500,11 +371,8 @@ mod tests {
     //! Goal: the sampler finds the limits that are exceeded, and by how much. Method: streams whose
     //! derivatives are known.
     use super::*;
-    use crate::drive::test_streams::spiral;
-    use headway_firmware::kinematics::pose::tool_axis;
     use headway_protocol::segment::{Knot, REST_TICKS};
-    use headway_protocol::units::to_units;
-    use nalgebra::Vector2;
+    use headway_protocol::units::{Ticks, to_units};
 
     /// A cosine in one channel: amplitude in natural units, one period in `period_ticks`. The
     /// spline of its samples is flatter by theta²/6, theta the angle of one span.
@@ -567,39 +435,16 @@ mod tests {
     }
 
     #[test]
-    fn gantry_joints_agree_with_the_motion_of_the_pivot() {
-        // A tilt alone moves the pivot: its acceleration is L d²n/dt², from the axis itself.
-        let kinematics = Kinematics::Gantry {
-            pivot_length_mm: 80.0,
-        };
-        let moment = Moment {
-            position: [100.0, 50.0, 10.0, 0.1, -0.2, 0.5, 0.0],
-            velocity: [10.0, -5.0, 1.0, 0.7, 0.4, 3.0, 0.0],
-            acceleration: [100.0, 50.0, -20.0, 8.0, -6.0, 40.0, 0.0],
-            jerk: [0.0; CHANNELS],
-        };
-        let [velocity, acceleration, _] = moment.joint_derivatives(&kinematics);
-        let axis = |t: f64| {
-            tool_axis(Vector2::new(
-                0.1 + t * (0.7 + 4.0 * t),
-                -0.2 + t * (0.4 - 3.0 * t),
-            ))
-        };
-        let h = 1e-4;
-        let rate = (axis(h) - axis(-h)) / (2.0 * h);
-        let bend = (axis(h) + axis(-h) - 2.0 * axis(0.0)) / (h * h);
-        for joint in 0..3 {
-            let expected = moment.velocity[joint] + 80.0 * rate[joint];
-            assert!((velocity[joint] - expected).abs() < 1e-4 * expected.abs().max(1.0));
-            let expected = moment.acceleration[joint] + 80.0 * bend[joint];
-            assert!((acceleration[joint] - expected).abs() < 1e-4 * expected.abs().max(10.0));
-        }
-    }
-
-    #[test]
     fn primes_count_towards_the_extruder() {
         let mut settings = Settings::default();
-        let mut stream = spiral(2.0);
+        let mut stream = wave(0, 5.0, 800.0);
+        stream.events.push(FlowEvent {
+            span: 10,
+            offset_ticks: 5,
+            action: FlowAction::Prime,
+            volume_units: 300_000,
+            duration_ticks: Ticks(80),
+        });
         let still = sample(&stream, &settings);
         // A prime of 0.3 mm³ in 80 ticks peaks at 1.875 · 0.3 / 0.04 s = 14.06 mm³/s.
         settings.machine.extruder.speed_max_mm3_s = 10.0;
