@@ -116,6 +116,7 @@ impl<B: FlashBus> SectorFlash<B> {
     }
 
     /// The access, when the flash is done with.
+    #[cfg(test)]
     pub fn into_bus(self) -> B {
         self.bus
     }

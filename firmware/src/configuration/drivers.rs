@@ -177,13 +177,6 @@ impl DriverConfiguration {
             hold: scale(self.hold_ma),
         })
     }
-
-    /// The driver's actual run current, mA rms.
-    pub fn run_given_ma(&self) -> u16 {
-        self.current_scale().map_or(0, |scale| {
-            current_ma(scale.run, scale.fine, self.sense_mohm)
-        })
-    }
 }
 
 impl DriversConfiguration {

@@ -44,8 +44,6 @@ pub const HOT: u32 = 1 << 1;
 pub const SHORTS: u32 = 0b1111 << 2;
 /// a coil that no current flows through.
 pub const OPEN_LOADS: u32 = 0b11 << 6;
-/// The motor is at standstill: only then an open load has no meaning.
-pub const STANDS: u32 = 1 << 31;
 
 /// UART alone: the pin that is the wire does not switch it off, microsteps come from the register, and their
 /// filter is on.

@@ -155,11 +155,12 @@ impl Machine {
     }
 
     /// Stores settings that have come from the first line, see [`Receiver::store_settings`].
+    #[cfg(test)]
     pub fn store_first_settings(&mut self, put: impl FnOnce(&[u8]) -> bool) {
         self.receiver.store_settings(&mut self.link.talk, put);
     }
 
-    /// The same from another line.
+    /// Stores settings that have come from another line, see [`Receiver::store_settings`].
     pub fn store_settings(&mut self, talk: &mut Conversation, put: impl FnOnce(&[u8]) -> bool) {
         self.receiver.store_settings(talk, put);
     }

@@ -8,7 +8,7 @@
 //! semi-axes of an ellipse, half the length and width of a slot, half the diagonal and width of a
 //! rectangle.
 
-use super::rounded_polygon::{CORNERS_MAX, Kind, RoundedPolygon, row_range};
+use super::rounded_polygon::{CORNERS_MAX, RoundedPolygon, row_range};
 use super::{Point2, Vector2};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -421,19 +421,6 @@ impl Aperture {
     /// Full sizes along and across the tool's X, mm.
     pub fn sizes_mm(&self) -> [f64; 2] {
         [Vector2::x(), Vector2::y()].map(|axis| 2.0 * self.extent_mm(0.0, axis))
-    }
-
-    /// What its kind is called where the user writes it.
-    pub fn kind_name(&self) -> &'static str {
-        match self {
-            Aperture::Ellipse { .. } if self.is_round() => "circle",
-            Aperture::Ellipse { .. } => "ellipse",
-            Aperture::Rounded(shape) => match shape.kind() {
-                Kind::Stadium(_) => "stadium",
-                Kind::Rectangle(_) => "rect",
-                Kind::Polygon => "polygon",
-            },
-        }
     }
 }
 

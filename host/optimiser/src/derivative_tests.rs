@@ -6,7 +6,7 @@ use super::curve::{At, CHANNELS, Knot, PACE, PassKnots, set_phantoms};
 use super::curves::Curves;
 use super::newton::prepare;
 use super::terms::Terms;
-use super::test_passes::{apertures, limits, objective, pass_of, rectangle, site};
+use super::test_passes::{apertures, kind_name, limits, objective, pass_of, rectangle, site};
 use super::{OptimisedPass, Search};
 use headway_geometry::aperture::Aperture;
 use headway_geometry::test_shapes::{ELLIPSE, random_numbers};
@@ -133,7 +133,7 @@ fn slope_of_curves() {
             assert!(terms.excess > 1.0);
             terms.excess
         });
-        assert!(error < 1e-3, "{} {error}", aperture.kind_name());
+        assert!(error < 1e-3, "{} {error}", kind_name(&aperture));
     }
 }
 
@@ -154,7 +154,7 @@ fn slope_of_containment() {
             assert!(terms.outside > 0.0);
             terms.outside
         });
-        assert!(error < 0.01, "{} {error}", aperture.kind_name());
+        assert!(error < 0.01, "{} {error}", kind_name(&aperture));
     }
 }
 
@@ -173,7 +173,7 @@ fn slope_of_ground() {
             assert!(terms.open > 0.0 && terms.twice > 0.0);
             terms.ground
         });
-        let name = aperture.kind_name();
+        let name = kind_name(&aperture);
         let bound = if name == "rect" { 0.15 } else { 0.05 };
         assert!(error < bound, "{name} {error}");
     }

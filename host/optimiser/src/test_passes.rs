@@ -7,8 +7,20 @@ use crate::pose_limits::{AxisLimits, PoseLimits};
 use headway_geometry::aperture::Aperture;
 use headway_geometry::edge_index::EdgeIndex;
 use headway_geometry::plane_curve::PlaneControl;
-use headway_geometry::rounded_polygon::RoundedPolygon;
+use headway_geometry::rounded_polygon::{Kind, RoundedPolygon};
 use headway_geometry::test_shapes::{ELLIPSE, drop_corners, walls};
+
+/// A name for the message of a test that fails.
+pub fn kind_name(aperture: &Aperture) -> &'static str {
+    match aperture {
+        Aperture::Ellipse { .. } => "ellipse",
+        Aperture::Rounded(shape) => match shape.kind() {
+            Kind::Stadium(_) => "stadium",
+            Kind::Rectangle(_) => "rect",
+            Kind::Polygon => "polygon",
+        },
+    }
+}
 
 /// 95 % of 60 mm/s, 3000 mm/s², 3·10⁵ mm/s³; heading 1080°/s, 20,000°/s², 2·10⁶°/s³.
 pub fn limits() -> PoseLimits {

@@ -1,7 +1,9 @@
 //! Tests of the complete optimiser: what it improves, what it leaves unchanged, what it must not depend on.
 
 use super::projection::outside_mm;
-use super::test_passes::{apertures, limits, objective, pass_of, rectangle, site, wavering_bead};
+use super::test_passes::{
+    apertures, kind_name, limits, objective, pass_of, rectangle, site, wavering_bead,
+};
 use super::*;
 use headway_geometry::clearance::Configuration;
 use headway_geometry::plane_curve::{configuration, curve_at};
@@ -244,7 +246,7 @@ fn every_aperture_is_optimised() {
             &target,
             &EFFORT,
         );
-        let name = aperture.kind_name();
+        let name = kind_name(&aperture);
         assert_eq!(report.outcome, Outcome::Optimised, "{name}");
         let cost_s = |pass: &OptimisedPass| {
             let passes = std::slice::from_ref(pass);

@@ -167,6 +167,7 @@ impl Patience {
     }
 
     /// For a conversation without a stream.
+    #[cfg(test)]
     pub fn without_stream() -> Patience {
         Patience::new(&SegmentStream::default(), 1)
     }

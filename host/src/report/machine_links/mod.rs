@@ -159,6 +159,7 @@ impl MachineLinks {
     }
 
     /// The tool's frame relative to the part, input coordinates: the result of forward kinematics.
+    #[cfg(test)]
     pub fn tool_on_part(&self, joints: &[f64]) -> Isometry3<f64> {
         let frames = self.frames(joints);
         frames[self.part].inverse() * frames[self.tool]

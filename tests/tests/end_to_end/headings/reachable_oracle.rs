@@ -9,7 +9,7 @@ use headway::geometry::aperture::Aperture;
 use headway::geometry::edge_index::EdgeIndex;
 use headway::geometry::polygon::{Region, Ring};
 use headway::plan::headings::headings_table::{HeadingsRequest, headings_table};
-use headway::plan::outline::reachable::is_reachable;
+use headway::plan::outline::reachable::covering_configuration;
 use headway::settings::{HeadingLaw, PassMode};
 
 type Pair = [f64; 2];
@@ -131,7 +131,7 @@ fn region() -> Region {
     }
 }
 
-/// Goal: `is_reachable` and the table's `reachable` are what the grid of configurations says, but
+/// Goal: `covering_configuration` and the table's `reachable` are what the grid of configurations says, but
 /// for one cell along the border. Method: what a grid configuration inside covers is reachable;
 /// what none covers that is shrunk by a cell where it must be inside and grown by one where it
 /// must cover, is not.
@@ -165,7 +165,7 @@ fn reachable_agrees_with_the_grid() {
     let index = EdgeIndex::of_region(&region(), A);
     let (mut yes, mut no, mut border, mut missed) = (0, 0, 0, 0);
     for (k, p) in points.iter().enumerate() {
-        let found = is_reachable(&aperture, Point2::from(*p), &index);
+        let found = covering_configuration(&aperture, Point2::from(*p), &index).is_some();
         if surely[k] {
             yes += 1;
             missed += u32::from(!found);
