@@ -29,11 +29,6 @@ fn main() {
         println!("cargo:rustc-link-arg-bin={binary}=--defsym=_mem_qemu=1");
     }
     println!("cargo:rustc-link-arg-bin=boot_loader=--defsym=_mem_whole=1");
-    // The Feather has its boot loader in the chip's ROM; in emulation it stands behind one.
-    let is_emulated = std::env::var_os("CARGO_FEATURE_EMULATED").is_some();
-    if std::env::var_os("CARGO_FEATURE_FEATHER").is_some() && !is_emulated {
-        println!("cargo:rustc-link-arg-bin=feather=--defsym=_mem_whole=1");
-    }
 }
 
 /// Copies the file that `HEADWAY_MACHINE` names to `machine.bin`; an empty one stands for none.

@@ -14,20 +14,17 @@ pub enum BoardName {
     Octopus10,
     /// BTT Octopus v1.1.
     Octopus11,
-    /// Adafruit Feather STM32F405 Express.
-    Feather,
 }
 
 impl BoardName {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Octopus10, Self::Octopus11, Self::Feather];
+    pub const ALL: [Self; 2] = [Self::Octopus10, Self::Octopus11];
 
     /// As a machine file has it.
     pub const fn text(self) -> &'static str {
         match self {
             Self::Octopus10 => "octopus-1.0",
             Self::Octopus11 => "octopus-1.1",
-            Self::Feather => "feather",
         }
     }
 

@@ -69,8 +69,6 @@ pub fn with_chip_number(elf: &Elf, (first, mut image): (u32, Vec<u8>)) -> (u32, 
 pub struct Start<'a> {
     /// Binaries and where they lie; the first one holds the vectors.
     pub flash: Vec<(u32, Vec<u8>)>,
-    /// USARTs before the one that is used.
-    pub serial_ports_before: usize,
     /// For sockets and files.
     pub folder: &'a Path,
 }
@@ -103,8 +101,8 @@ impl EmulatedChip {
                 &format!("socket,id=gdb,path={},server=on,wait=off", file("gdb")),
             ])
             .args(["-gdb", "chardev:gdb"])
-            .args(["-serial", "null"].repeat(start.serial_ports_before))
-            .args(["-serial", &socket("serial")]);
+            // The image uses the second USART.
+            .args(["-serial", "null", "-serial", &socket("serial")]);
         for (number, (address, bytes)) in start.flash.iter().enumerate() {
             let name = file(&format!("flash{number}.bin"));
             std::fs::write(&name, bytes).expect("the folder is there");

@@ -23,10 +23,7 @@
 #![allow(dead_code)]
 
 // The HAL of the STM32F4 brings a critical section of its own.
-#[cfg(all(
-    feature = "defmt",
-    not(any(feature = "octopus-serial", feature = "feather"))
-))]
+#[cfg(all(feature = "defmt", not(feature = "octopus-serial")))]
 #[path = "log_lock.rs"]
 mod log_lock;
 

@@ -8,7 +8,6 @@
 use headway_firmware::board::octopus;
 use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::steps::output::Pin;
-use headway_tests::elf::Elf;
 use headway_tests::emulation::board_flash::octopus_flash;
 use headway_tests::emulation::board_image::{alone, build, skipped};
 use headway_tests::emulation::emulated_chip::{EmulatedChip, Start, with_chip_number};
@@ -27,22 +26,13 @@ fn octopus_set_up(features: &str, name: Option<BoardName>) -> RegisterModel {
     let image = name.map_or_else(|| elf.image(), |name| octopus_flash(&elf, name));
     let loader = build("boot_loader", "").image();
     let flash = vec![loader, with_chip_number(&elf, image)];
-    set_up(&elf, flash, 1, &format!("{features}-{name:?}"))
-}
-
-fn set_up(
-    elf: &Elf,
-    flash: Vec<(u32, Vec<u8>)>,
-    serial_ports_before: usize,
-    name: &str,
-) -> RegisterModel {
-    let folder = crate::rig::folder(name);
+    let name = format!("{features}-{name:?}");
+    let folder = crate::rig::folder(&name);
     let mut chip = EmulatedChip::start(Start {
         flash,
-        serial_ports_before,
         folder: &folder,
     });
-    chip.set_up(elf, "stm32f45serve17h");
+    chip.set_up(&elf, "stm32f45serve17h");
     let model = std::mem::take(&mut chip.model);
     println!("{name}: {:?}", model.used);
     assert_eq!(model.wrong, Vec::<String>::new(), "{name}");
@@ -156,26 +146,4 @@ fn pins_that_another_board_has_elsewhere_stay_inputs_until_the_board_is_named() 
         assert!(meant.remove(&pin).is_some(), "{pin:?} has a use");
     }
     assert_pins(&model, &meant, "unnamed");
-}
-
-#[test]
-fn every_pin_of_a_feather_is_as_meant_when_its_set_up_is_over() {
-    if skipped() {
-        return;
-    }
-    let _alone = alone();
-    let elf = build("feather", "feather");
-    let flash = vec![with_chip_number(&elf, elf.image())];
-    let model = set_up(&elf, flash, 2, "feather");
-    let steps = [(0, 4), (0, 6), (2, 4), (2, 7), (1, 13)];
-    let directions = [(0, 5), (0, 7), (2, 5), (2, 6), (1, 14)];
-    let low = steps.into_iter().chain(directions);
-    let mut meant = BTreeMap::new();
-    meant.extend(low.map(|pin| (pin, PinState::Output(false))));
-    meant.extend([(1, 9), (1, 8), (2, 3), (1, 7)].map(|pin| (pin, PULLED_UP)));
-    meant.extend([(1, 10), (1, 11)].map(|pin| (pin, PinState::Alternate(7))));
-    // The drivers' one enable: off.
-    meant.insert((2, 2), PinState::Output(true));
-    assert_pins(&model, &meant, "feather");
-    assert!(model.used.contains("timer 11") && model.used.contains("USART 3"));
 }

@@ -77,7 +77,6 @@ fn jogging(elf: &Elf, name: &str) -> (EmulatedChip, Child) {
             build("boot_loader", "").image(),
             with_chip_number(elf, image),
         ],
-        serial_ports_before: 1,
         folder: &folder,
     });
     chip.set_up(elf, "stm32f45serve17h");

@@ -1,8 +1,8 @@
-//! Goal: the images to flash boot behind a boot loader that leaves everything on, talk over their own
-//! serial port, and make the very steps of the simulation at a real chip's registers. Method: QEMU's
-//! netduinoplus2 (STM32F405) runs the octopus image and the Feather's, built with `emulated` (no clocks
-//! to set up); the command streams an example to them; the GPIO writes that QEMU logs are decoded by the
-//! boards' pin tables. Skipped, and said so, where QEMU or the target is missing;
+//! Goal: the image to flash boots behind a boot loader that leaves everything on, talks over its own
+//! serial port, and makes the very steps of the simulation at a real chip's registers. Method: QEMU's
+//! netduinoplus2 (STM32F405) runs the octopus image, built with `emulated` (no clocks to set
+//! up); the command streams an example to it; the GPIO writes that QEMU logs are decoded by the board's
+//! pin table. Skipped, and said so, where QEMU or the target is missing;
 //! `HEADWAY_DEMAND_EMULATOR=1` makes that a failure.
 #![cfg(unix)]
 
@@ -29,39 +29,11 @@ const LOADER_FLASH: u32 = 0x0800_0000;
 const IMAGE_FLASH: u32 = 0x0800_8000;
 /// The emulator logs some million writes; a busy machine needs its time for them.
 const PATIENCE: Duration = Duration::from_secs(400);
-/// What a test needs of a board.
-struct Board {
-    bin: &'static str,
-    features: &'static str,
-    /// USARTs before the one that it uses.
-    serial_ports_before: usize,
-    step: &'static [Pin],
-    direction: &'static [Pin],
-    /// The write that begins every step tick: the first of those that end pulses.
-    tick: (usize, u32),
-    /// RX, which must not float.
-    rx: Pin,
-}
-
-const OCTOPUS: Board = Board {
-    bin: "octopus",
-    features: "octopus-serial,prove-no-panic,emulated",
-    serial_ports_before: 1,
-    step: &octopus::STEP,
-    direction: &octopus::DIRECTION,
-    tick: (2, 1 << (13 + 16)),
-    rx: octopus::SERIAL[1],
-};
-
-const FEATHER: Board = Board {
-    bin: "feather",
-    features: "feather,prove-no-panic,emulated",
-    serial_ports_before: 2,
-    step: &[(0, 4), (0, 6), (2, 4), (2, 7), (1, 13)],
-    direction: &[(0, 5), (0, 7), (2, 5), (2, 6), (1, 14)],
-    tick: (0, 1 << (4 + 16)),
-    rx: (1, 11),
-};
+const FEATURES: &str = "octopus-serial,prove-no-panic,emulated";
+/// The write that begins every step tick: the first of those that end pulses.
+const TICK: (usize, u32) = (2, 1 << (13 + 16));
+/// RX, which must not float.
+const RX: Pin = octopus::SERIAL[1];
 
 /// Writes a binary's flash to a file; its first address.
 fn flash_file(elf: &Elf, file: &Path) -> u32 {
@@ -70,12 +42,9 @@ fn flash_file(elf: &Elf, file: &Path) -> u32 {
     address
 }
 
-/// Writes a board's flash to a file, with settings where it needs its name; its first address.
-fn image_file(board: &Board, file: &Path) -> u32 {
-    let elf = build(board.bin, board.features);
-    if board.bin != OCTOPUS.bin {
-        return flash_file(&elf, file);
-    }
+/// Writes the board's flash to a file, with settings that name it; its first address.
+fn image_file(file: &Path) -> u32 {
+    let elf = build("octopus", FEATURES);
     let (address, image) = octopus_flash(&elf, BoardName::Octopus11);
     std::fs::write(file, image).expect("the folder is there");
     address
@@ -119,7 +88,7 @@ impl Decoder {
         }
     }
 
-    fn take(&mut self, board: &Board, line: &str) {
+    fn take(&mut self, line: &str) {
         if line.contains("value 0x0000cccc") {
             self.watchdog_first.get_or_insert(true);
         }
@@ -132,20 +101,20 @@ impl Decoder {
                 // Ports read as zero here: what was set before is not written again.
                 *self.pulls.entry(port).or_default() |= value;
             }
-            0x18 => self.set_reset(board, port, value),
+            0x18 => self.set_reset(port, value),
             _ => {}
         }
     }
 
-    fn set_reset(&mut self, board: &Board, port: usize, value: u32) {
-        if (port, value) == board.tick {
+    fn set_reset(&mut self, port: usize, value: u32) {
+        if (port, value) == TICK {
             self.ticks += 1;
         }
         let (set, reset) = (value & 0xffff, value >> 16);
         self.levels[port] = self.levels[port] & !reset | set;
-        for (motor, pin) in (0..).zip(board.step) {
+        for (motor, pin) in (0..).zip(octopus::STEP) {
             if pin.0 == port && set >> pin.1 & 1 == 1 {
-                let direction = board.direction[usize::from(motor)];
+                let direction = octopus::DIRECTION[usize::from(motor)];
                 self.steps.push(Step {
                     tick: self.ticks,
                     motor,
@@ -183,10 +152,10 @@ struct Emulator {
 const UNDER_WAY_STEPS: usize = 3000;
 
 impl Emulator {
-    fn start(board: &'static Board, folder: &Path) -> Self {
+    fn start(folder: &Path) -> Self {
         let [loader, image] = ["loader.bin", "image.bin"].map(|name| folder.join(name));
         let loader_at = flash_file(&build("boot_loader", ""), &loader);
-        let image_at = image_file(board, &image);
+        let image_at = image_file(&image);
         assert_eq!((loader_at, image_at), (LOADER_FLASH, IMAGE_FLASH));
         let [serial, monitor] = ["serial", "monitor"].map(|name| folder.join(name));
         let socket = |path: &Path| format!("unix:{},server=on,wait=off", path.display());
@@ -194,8 +163,9 @@ impl Emulator {
         process
             .args(["-machine", "netduinoplus2", "-nographic", "-d", "unimp"])
             .args(["-icount", "shift=4", "-monitor", &socket(&monitor)])
-            .args(["-serial", "null"].repeat(board.serial_ports_before))
-            .args(["-serial", &socket(&serial), "-kernel", path(&loader)])
+            // The board uses the second USART.
+            .args(["-serial", "null", "-serial", &socket(&serial)])
+            .args(["-kernel", path(&loader)])
             .arg("-device")
             .arg(format!(
                 "loader,file={},addr={image_at:#x}",
@@ -212,7 +182,7 @@ impl Emulator {
             let mut log = BufReader::with_capacity(1 << 16, log);
             let mut line = String::new();
             while log.read_line(&mut line).is_ok_and(|length| length > 0) {
-                decoder.take(board, &line);
+                decoder.take(&line);
                 line.clear();
                 if decoder.steps.len() == UNDER_WAY_STEPS {
                     // Nobody may wait for it.
@@ -298,14 +268,15 @@ fn simulated(job: &str) -> Vec<Step> {
     from_first(simulation.motion.steps.iter().collect())
 }
 
-fn prints_as_simulated(board: &'static Board) {
+#[test]
+fn the_octopus_image_makes_the_simulations_steps_at_the_ports_of_a_chip() {
     if skipped() {
         return;
     }
     let _alone = alone();
-    let folder = folder(board.bin);
+    let folder = folder("octopus");
     let job = plan(&folder);
-    let emulator = Emulator::start(board, &folder);
+    let emulator = Emulator::start(&folder);
     let begun = Instant::now();
     succeeded(&headway(&[
         "stream",
@@ -317,8 +288,7 @@ fn prints_as_simulated(board: &'static Board) {
     let decoded = emulator.end();
     let expected = simulated(&job);
     println!(
-        "{}: {} steps in {} ticks, {:?}",
-        board.bin,
+        "{} steps in {} ticks, {:?}",
         decoded.steps.len(),
         decoded.ticks,
         begun.elapsed()
@@ -326,24 +296,14 @@ fn prints_as_simulated(board: &'static Board) {
     assert_eq!(decoded.watchdog_first, Some(true), "before any pin");
     let rx_pull = decoded
         .pulls
-        .get(&board.rx.0)
-        .map_or(0, |pulls| pulls >> (2 * board.rx.1) & 3);
+        .get(&RX.0)
+        .map_or(0, |pulls| pulls >> (2 * RX.1) & 3);
     assert_eq!(rx_pull, 1, "RX is pulled up");
     let steps = decoded.into_steps();
     let differs = steps.iter().zip(&expected).position(|(a, b)| a != b);
     assert_eq!(differs, None, "of {} steps", expected.len());
     assert_eq!(steps.len(), expected.len());
     assert!(steps.len() > 20_000, "the example is no small one");
-}
-
-#[test]
-fn the_octopus_image_makes_the_simulations_steps_at_the_ports_of_a_chip() {
-    prints_as_simulated(&OCTOPUS);
-}
-
-#[test]
-fn a_board_of_pins_alone_makes_the_simulations_steps_at_the_ports_of_a_chip() {
-    prints_as_simulated(&FEATHER);
 }
 
 #[test]
@@ -354,7 +314,7 @@ fn a_board_that_is_reset_in_mid_job_is_noticed() {
     let _alone = alone();
     let folder = folder("reset");
     let job = plan(&folder);
-    let emulator = Emulator::start(&OCTOPUS, &folder);
+    let emulator = Emulator::start(&folder);
     let streaming = emulator.print_until_it_moves(&job);
     say(&emulator.monitor, "system_reset");
     let begun = Instant::now();
@@ -373,7 +333,6 @@ fn an_image_claims_no_flash_but_its_own() {
     for (bin, features, first, end) in [
         ("octopus", "octopus", IMAGE_FLASH, 0x0808_0000),
         ("octopus", "octopus-serial", IMAGE_FLASH, 0x0808_0000),
-        ("feather", "feather", LOADER_FLASH, 0x0810_0000),
         ("boot_loader", "", LOADER_FLASH, IMAGE_FLASH),
     ] {
         let elf = build(bin, features);
@@ -391,7 +350,7 @@ fn the_octopus_keeps_its_settings_out_of_reach_of_its_code() {
         return;
     }
     let _alone = alone();
-    let elf = build(OCTOPUS.bin, OCTOPUS.features);
+    let elf = build("octopus", FEATURES);
     // Sector 3, and the last one with what is behind the chip's 512 KiB.
     let kept = [(0x0800_c000, 0x0801_0000), (0x0806_0000, 0x0900_0000)];
     let flashed = elf.segments().iter().filter(|s| s.address >= LOADER_FLASH);
