@@ -39,63 +39,30 @@ pub struct Place {
     pub before: usize,
 }
 
-/// What a search found.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Found {
-    /// The nearest free axis.
-    Free(Vector3),
-    /// There is no free axis. The collision nearest to the desired axis: indices of place and
-    /// point.
-    None {
-        /// Of the places.
-        place: usize,
-        /// Of the obstacles.
-        point: usize,
-    },
-    /// More than `CAPS_MAX` caps.
-    GivenUp,
-}
-
-/// A search's result, with the caps that it met.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Search {
-    /// What was found.
-    pub found: Found,
-    /// Forbidden caps that were met.
-    pub caps: Vec<Cap>,
-}
-
-/// The axis nearest to `wish` that is in all of `within` and clear at all of the places.
+/// The axis nearest to `wish` that is in all of `within` and clear at all of the places; `None` if there is none, or
+/// after `CAPS_MAX` caps.
 pub fn nearest_free(
     head: &Head,
     standing: &Standing,
     places: &[Place],
     wish: Vector3,
     within: &[Cap],
-) -> Search {
+) -> Option<Vector3> {
     let mut caps: Vec<Cap> = Vec::new();
-    let mut first_met = None;
     loop {
-        let Some(axis) = best_candidate(wish, &caps, within) else {
-            let (place, point) = first_met.unwrap_or_default();
-            let found = Found::None { place, point };
-            return Search { found, caps };
+        let axis = best_candidate(wish, &caps, within)?;
+        let Some(cap) = worst(head, standing, places, axis) else {
+            return Some(axis);
         };
-        let Some(worst) = worst(head, standing, places, axis) else {
-            let found = Found::Free(axis);
-            return Search { found, caps };
-        };
-        first_met = first_met.or(Some((worst.place, worst.point)));
         if caps.len() == CAPS_MAX {
-            let found = Found::GivenUp;
-            return Search { found, caps };
+            return None;
         }
-        caps.push(worst.cap);
+        caps.push(cap);
     }
 }
 
 /// The cap that one point excludes for a tip, if any.
-pub fn cap_of(head: &Head, tip_mm: &Vector3, place_mm: &Vector3) -> Option<Cap> {
+fn cap_of(head: &Head, tip_mm: &Vector3, place_mm: &Vector3) -> Option<Cap> {
     let away = place_mm - tip_mm;
     let distance_mm = away.norm();
     let angle_rad = head.profile.half_angle_rad(distance_mm, head.slack_mm);
@@ -105,16 +72,10 @@ pub fn cap_of(head: &Head, tip_mm: &Vector3, place_mm: &Vector3) -> Option<Cap> 
     })
 }
 
-struct Worst {
-    cap: Cap,
-    place: usize,
-    point: usize,
-}
-
-/// The touch that is deepest as seen from its tip, over all places, with its cap.
-fn worst(head: &Head, standing: &Standing, places: &[Place], axis: Vector3) -> Option<Worst> {
-    let mut deepest: Option<(f64, usize, Touch)> = None;
-    for (place, at) in places.iter().enumerate() {
+/// The cap of the touch that is deepest as seen from its tip, over all places.
+fn worst(head: &Head, standing: &Standing, places: &[Place], axis: Vector3) -> Option<Cap> {
+    let mut deepest: Option<(f64, Vector3, Touch)> = None;
+    for at in places {
         let pose = Pose {
             tip_mm: at.tip_mm,
             axis,
@@ -123,15 +84,14 @@ fn worst(head: &Head, standing: &Standing, places: &[Place], axis: Vector3) -> O
             // About by how much the axis has to turn.
             let inside = touch.depth_mm / (touch.at_mm - at.tip_mm).norm().max(f64::MIN_POSITIVE);
             if deepest.as_ref().is_none_or(|(most, ..)| inside > *most) {
-                deepest = Some((inside, place, touch));
+                deepest = Some((inside, at.tip_mm, touch));
             }
         });
     }
-    let (_, place, touch) = deepest?;
-    let mut cap = cap_of(head, &places[place].tip_mm, &touch.at_mm)?;
+    let (_, tip_mm, touch) = deepest?;
+    let mut cap = cap_of(head, &tip_mm, &touch.at_mm)?;
     cap.angle_rad += ROUNDING_RAD;
-    let point = touch.order;
-    Some(Worst { cap, place, point })
+    Some(cap)
 }
 
 /// The axis nearest to the desired one outside of all caps and inside of all cones; `None` if there is

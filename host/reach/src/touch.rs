@@ -20,8 +20,6 @@ pub const TOUCHES_MAX: usize = 512;
 pub struct Touch {
     /// Where it is, mm: a point's middle or its edge.
     pub at_mm: Vector3,
-    /// Its index in the order of printing.
-    pub order: usize,
     /// Height above the tip's plane, mm.
     pub height_mm: f64,
     /// How deep, mm.
@@ -130,7 +128,6 @@ impl Head<'_> {
                 if self.holds(seen, Motion::default()) {
                     on(Touch {
                         at_mm,
-                        order: leaf.order as usize,
                         height_mm: seen[0],
                         depth_mm: self.profile.depth_mm(seen).max(0.0),
                     });

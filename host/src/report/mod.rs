@@ -7,7 +7,6 @@
 //! Output: text. Not covered: files: [`write_report`] returns names and contents, the command
 //! writes them.
 
-pub mod axes_picture;
 mod canvas;
 pub mod compare_picture;
 mod corner_figures;

@@ -2,7 +2,6 @@
 
 use crate::cli::args::inspect::InspectArgs;
 use crate::cli::error::CliError;
-use crate::cli::job::inspect_axes;
 use crate::cli::reading::layer_options::{follow_heights, layer_heights};
 use crate::cli::reading::{job, load};
 use crate::cli::terminal::console::Console;
@@ -24,9 +23,6 @@ use serde_json::json;
 const ORDERS_TOLD: usize = 20;
 
 pub(crate) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError> {
-    if let Some(at) = &args.axes_at {
-        return inspect_axes::run(args, at, console);
-    }
     if job::is_job(&args.file) {
         let summary = job::read_summary(&args.file)?;
         if args.json {

@@ -4,6 +4,5 @@
 pub(crate) mod export;
 pub(crate) mod export_gcode;
 pub(crate) mod inspect;
-pub(crate) mod inspect_axes;
 pub(crate) mod simulate;
 pub(crate) mod view;

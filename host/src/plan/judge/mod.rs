@@ -6,7 +6,6 @@
 //! SegmentStream, chart --ground sweep--> Swept of each layer of curved ground, and on as above
 //! ```
 
-pub mod axes_at;
 pub mod curve_ratio;
 pub mod figures;
 mod ground_raster;

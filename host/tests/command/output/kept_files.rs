@@ -141,7 +141,6 @@ fn what_a_command_reads_is_not_written() {
             ]),
             start,
         ),
-        (of(&["inspect", job, "--axes-at", "1,1,1,1", p, job]), job),
         (
             of(&["machine", "firmware", machine, "-o", machine]),
             machine,

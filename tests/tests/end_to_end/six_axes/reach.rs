@@ -2,7 +2,7 @@
 //! force over all points with a formula of its own (the head as facets of its outline, turned about the axis), and a
 //! net of axes. The jobs: a block of lines, a spiral vase, a wall with a tower beside it, and random lines.
 
-use headway::reach::free_axes::{Cap, Found, Place, nearest_free};
+use headway::reach::free_axes::{Cap, Place, nearest_free};
 use headway::reach::profile::HeadProfile;
 use headway::reach::standing::{Point, Standing};
 use headway::reach::touch::Head;
@@ -204,10 +204,8 @@ fn check_axes(gaps_mm: &[f64], step: usize) {
                 tip_mm: points[before].at_mm,
                 before,
             };
-            let search = nearest_free(&head, &standing, &[place], Vector3::z(), &[cone]);
-            let Found::Free(axis) = search.found else {
-                panic!("no free axis at {place:?}: {search:?}");
-            };
+            let axis = nearest_free(&head, &standing, &[place], Vector3::z(), &[cone])
+                .unwrap_or_else(|| panic!("no free axis at {place:?}"));
             let is_free = |axis: Vector3| {
                 let tip_mm = place.tip_mm;
                 let pose = Pose { tip_mm, axis };

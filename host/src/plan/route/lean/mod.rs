@@ -25,7 +25,7 @@ use crate::input::waypoints::{Waypoint, WaypointRun};
 use crate::settings::Settings;
 use headway_firmware::configuration::Kinematics;
 use headway_reach::Vector3;
-use headway_reach::free_axes::{Cap, Found, nearest_free};
+use headway_reach::free_axes::{Cap, nearest_free};
 use laid::{Laid, PassPlaces};
 use nalgebra::{Rotation3, Unit, Vector2};
 pub use normals::{LayerNormals, PassNormals};
@@ -197,8 +197,8 @@ fn pass_axes(
             },
         ];
         let places: Vec<_> = pass.places.iter().map(|place| place.place).collect();
-        let search = nearest_free(&laid.head(true), &laid.standing, &places, wish, &within);
-        if let Found::Free(axis) = search.found {
+        let head = laid.head(true);
+        if let Some(axis) = nearest_free(&head, &laid.standing, &places, wish, &within) {
             return Ok(vec![axis; points.len()]);
         }
     }
