@@ -392,7 +392,7 @@ def plan_file(
     ``surface_region`` as in :func:`plan_surface`. ``cache`` is a folder of planned blocks of a mesh's layers, as of
     :func:`plan_mesh`. The options are
     those of :func:`plan`, and of meshes ``first_layer_height_mm`` and ``layer_range`` (first and last, from 1) and
-    ``curved_layers`` ("auto", "all", "skin", "skin:3": layers that follow the tops), of runs of waypoints ``gap_mm``, ``corner_tolerance_mm`` and ``place`` ("centre", "best").
+    ``curved_layers`` ("skin", "skin:3": layers that follow the tops), of runs of waypoints ``gap_mm``, ``corner_tolerance_mm`` and ``place`` ("centre", "best").
     """
     given = _known(options, "plan_file")
     stem, ending = _named(path)

@@ -86,7 +86,7 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
                 o.layer_range = Some(read(&key, &value, "first and last layer, from 1")?)
             }
             "curved_layers" => {
-                let text: String = read(&key, &value, "auto, all, skin or skin:M")?;
+                let text: String = read(&key, &value, "skin or skin:M")?;
                 let asked = text.parse::<CurvedLayers>();
                 o.curved_layers = Some(
                     asked

@@ -401,7 +401,7 @@ def test_shares_that_are_none_are_refused(tmp_path):
     with pytest.raises(headway.OptionsError, match="flat layers"):
         headway.plan_shard(str(EXAMPLES / "gear.json"), (1, 2), cache=tmp_path)
     with pytest.raises(headway.OptionsError, match="cache goes with a mesh in flat layers"):
-        headway.plan_mesh(mesh, cache=tmp_path, curved_layers="all")
+        headway.plan_mesh(mesh, cache=tmp_path, curved_layers="skin")
     with pytest.raises(TypeError, match="file's path"):
         headway.plan_shard(mesh, (1, 2), cache=tmp_path, units="in")
     (tmp_path / "file").write_text("")
@@ -477,7 +477,7 @@ def test_curved_layers_are_those_of_the_command(tmp_path):
     assert curved["stair_error_mm3"] < 0.4 * curved["stair_error_flat_mm3"]
     for given, told in [
         ({"curved_layers": "some"}, "skin:M"),
-        ({"curved_layers": 3}, "auto, all, skin"),
+        ({"curved_layers": 3}, "skin or skin:M"),
         ({"curved_layers": "skin", "copies": 2}, "in one mesh file"),
         ({"curved_layers": "skin", "layer_range": (1, 2)}, "layer_range does not go with curved_layers"),
     ]:

@@ -190,33 +190,32 @@ fn planned(
     let settings = settings_of(part, machine, options)?;
     let begun = Instant::now();
     let plan_s = || begun.elapsed().as_secs_f64();
-    let (planned, target, settings) = match &part.what {
-        What::Mesh(loaded) if options.curved_layers.is_some() => {
+    let (planned, target, settings) = match (&part.what, options.curved_layers) {
+        (What::Mesh(loaded), Some(asked)) => {
             check_beside(part, loaded, options)?;
-            let asked = options.curved_layers.unwrap_or_default();
             let planned = plan_curved_layers(&loaded.mesh, asked, &settings, progress);
             (planned, unfilled(part), settings)
         }
-        What::Mesh(loaded) => {
+        (What::Mesh(loaded), None) => {
             return planned_mesh(part, loaded, (options, settings), output, progress);
         }
-        What::Gcode(program) => {
+        (What::Gcode(program), _) => {
             let planned = plan_gcode(program, options.speed_mm_s, &settings, progress);
             let planned = planned.map_err(plan_error)?;
             let program = program.as_ref().clone();
             return Ok(Planned::of_gcode(program, planned, plan_s(), &settings));
         }
-        What::Outline(loaded) => {
+        (What::Outline(loaded), _) => {
             let (target, planned) = planned_outline(part, loaded, (options, &settings), progress)?;
             (planned, target, settings)
         }
-        What::Path(run) => {
+        (What::Path(run), _) => {
             let mut run = run.clone();
             let settings = at_feeds(&mut run, options.speed_mm_s, &settings);
             let planned = plan_waypoints_with_progress(&run, &settings, progress);
             (planned, unfilled(part), settings)
         }
-        What::Patch(_, surface) => {
+        (What::Patch(_, surface), _) => {
             let planned = plan_on_patch(None, surface, &settings, progress);
             (planned, unfilled(part), settings)
         }

@@ -23,21 +23,6 @@ pub struct CurvedLayerFigures {
     /// How deep the nozzle's edge gets below the top of the layer that it prints, where the head stays upright.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub edge_depth_mm: Option<f64>,
-    /// What was compared, where the planner chose.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub compared: Vec<ComparedFigures>,
-}
-
-/// One way of dividing the part into layers.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct ComparedFigures {
-    /// As the option has it.
-    pub curved_layers: String,
-    /// Volume between the printed top and the part's.
-    pub stair_error_mm3: f64,
-    /// Printing time, estimated from one layer of each kind.
-    pub print_s: f64,
 }
 
 impl CurvedLayerFigures {

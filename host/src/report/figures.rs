@@ -4,7 +4,7 @@
 //! absent (a plan that was not simulated has no `tip_error_um_max`).
 
 pub use super::corner_figures::CornerFigures;
-pub use super::curved_layer_figures::{ComparedFigures, CurvedLayerFigures};
+pub use super::curved_layer_figures::CurvedLayerFigures;
 use super::figure_rows::Row;
 pub use super::layer_figures::{Inside, KindFigures, LayerFigures, LayerPlace, UseFigures};
 pub use super::verdict_figures::{AgainstFigures, UnevenFigures, VerdictFigures};

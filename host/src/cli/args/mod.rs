@@ -175,9 +175,9 @@ pub(crate) struct PlaceArgs {
     /// corners of a triangle), or normal:DEG, with normals tilted from Z by no more than that.
     #[arg(long, value_name = "REGION", requires = "surface")]
     pub surface_region: Option<String>,
-    /// Layers of a mesh that follow its tops instead of forming stairs: all of them, a number over flat ones (skin:M,
-    /// or skin for 3), or the choice with the smaller stairs (auto). Curved layers are solid.
-    #[arg(long, value_name = "auto|all|skin[:M]", conflicts_with = "surface")]
+    /// Layers of a mesh that follow its tops instead of forming stairs: a number of them over flat ones (skin:M, or skin
+    /// for 3). Curved layers are solid.
+    #[arg(long, value_name = "skin[:M]", conflicts_with = "surface")]
     pub curved_layers: Option<String>,
     /// Waypoints further apart than this end a pass: retract, travel clear of the print, prime
     /// [default: six times the usual spacing].

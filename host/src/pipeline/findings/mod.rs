@@ -26,7 +26,7 @@ use crate::pipeline::layer_uses::{LayerUse, layer_uses};
 use crate::pipeline::open_ground::{self, OpenGround, open_ground, told_mm2};
 use crate::pipeline::piece::unreachable_boundary;
 use crate::pipeline::stacked_ground::open_cells;
-use crate::pipeline::surface::curved_layers::{Compared, CurvedFigures};
+use crate::pipeline::surface::curved_layers::CurvedFigures;
 use crate::pipeline::two_bead_walls::TwoBeadWalls;
 use crate::plan::judge::figures::PlanFigures;
 use crate::plan::layers::layer_groups::LayerGroup;
@@ -34,8 +34,7 @@ use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::report::Place;
 use crate::report::figures::{
-    ComparedFigures, CurvedLayerFigures, Figures, Inside, KindFigures, SlowPlaceFigures,
-    UnevenFigures,
+    CurvedLayerFigures, Figures, Inside, KindFigures, SlowPlaceFigures, UnevenFigures,
 };
 use crate::settings::Settings;
 use left_out::{left_out, longest_first};
@@ -220,15 +219,6 @@ fn curved_layer_figures(curved: &CurvedFigures) -> CurvedLayerFigures {
         thickness_max: curved.thickness[1],
         slope_max_deg: curved.slope_max_rad.to_degrees(),
         edge_depth_mm: curved.edge_depth.map(|deepest| deepest.depth_mm),
-        compared: curved.compared.iter().map(compared_figures).collect(),
-    }
-}
-
-fn compared_figures(compared: &Compared) -> ComparedFigures {
-    ComparedFigures {
-        curved_layers: compared.layers.to_string(),
-        stair_error_mm3: compared.stair_error_mm3,
-        print_s: compared.seconds,
     }
 }
 

@@ -17,7 +17,6 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
         seams(plan),
         sharp_bend(plan),
         curved_layers(plan),
-        compared_layers(plan),
         edge_depth(plan, settings),
         hangs(plan),
         left_out(plan),
@@ -75,27 +74,6 @@ fn curved_layers(plan: &Plan) -> Option<String> {
         curved.thickness[0],
         curved.thickness[1],
         curved.slope_max_rad.to_degrees()
-    ))
-}
-
-/// What was compared where the planner chose which layers are curved.
-fn compared_layers(plan: &Plan) -> Option<String> {
-    let curved = plan.curved_layers.as_ref()?;
-    let [one, other] = curved.compared[..] else {
-        return None;
-    };
-    // What has flat layers is the skin.
-    let is_skin = curved.layers[0] > 0;
-    let [taken, left] = if is_skin { [one, other] } else { [other, one] };
-    Some(format!(
-        "--curved-layers auto: {} leaves {:.2} mm³ of stairs in about {:.0} s of printing, {} {:.2} mm³ in {:.0} s; {} is printed",
-        taken.layers,
-        taken.stair_error_mm3,
-        taken.seconds,
-        left.layers,
-        left.stair_error_mm3,
-        left.seconds,
-        taken.layers
     ))
 }
 

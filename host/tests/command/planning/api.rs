@@ -159,10 +159,12 @@ fn options_of_another_kind_are_refused() {
     };
     let text = refused("taper.json", &|o| o.gap_mm = Some(3.0));
     assert!(text.contains("--gap goes with runs of waypoints"), "{text}");
-    let text = refused("taper.json", &|o| o.curved_layers = Some(CurvedLayers::All));
+    let text = refused("taper.json", &|o| {
+        o.curved_layers = Some(CurvedLayers::Skin(3))
+    });
     assert!(text.contains("--curved-layers goes with meshes"), "{text}");
     let text = refused("hook.stl", &|o| {
-        (o.curved_layers, o.copies) = (Some(CurvedLayers::Auto), Some(2));
+        (o.curved_layers, o.copies) = (Some(CurvedLayers::Skin(3)), Some(2));
     });
     assert!(text.contains("in one mesh file"), "{text}");
     let text = refused("taper.json", &|o| o.layer_range = Some([1, 2]));

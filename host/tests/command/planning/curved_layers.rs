@@ -21,23 +21,18 @@ fn planned(arguments: &[&str], folder: &Path) -> Result<serde_json::Value, Strin
     }
 }
 
-/// The figures of the example at two fifths of its size.
-fn small_and_fast(layers: &str, folder: &Path) -> serde_json::Value {
+#[test]
+fn a_skin_is_planned_with_its_figures() {
+    let folder = tempfile::tempdir().unwrap();
     let arguments = [
         "--curved-layers",
-        layers,
+        "skin:2",
         "--scale",
         "0.4",
         "--quality",
         "fast",
     ];
-    planned(&arguments, folder).unwrap()
-}
-
-#[test]
-fn a_skin_is_planned_with_its_figures() {
-    let folder = tempfile::tempdir().unwrap();
-    let figures = small_and_fast("skin:2", folder.path());
+    let figures = planned(&arguments, folder.path()).unwrap();
     let curved = &figures["curved_layers"];
     assert_eq!(curved["curved_layers"], 2, "{curved}");
     let number = |key: &str| curved[key].as_f64().unwrap();
@@ -53,51 +48,17 @@ fn a_skin_is_planned_with_its_figures() {
     assert!(figures["covered_pct"].as_f64().unwrap() > 98.0, "{figures}");
 }
 
-/// Goal: where the planner chooses, it says what it compared, and takes what is better. Method: its own figures, weighed anew.
-#[test]
-fn auto_says_what_it_compared() {
-    let folder = tempfile::tempdir().unwrap();
-    let figures = small_and_fast("auto", folder.path());
-    let curved = &figures["curved_layers"];
-    let compared = curved["compared"].as_array().unwrap();
-    assert_eq!(compared.len(), 2, "{curved}");
-    let number = |value: &serde_json::Value, key: &str| value[key].as_f64().unwrap();
-    let flat_mm3 = number(curved, "stair_error_flat_mm3");
-    let skin_s = number(&compared[0], "print_s");
-    let cost = |one: &serde_json::Value| {
-        number(one, "stair_error_mm3") / flat_mm3 / 0.03 + number(one, "print_s") / skin_s / 0.05
-    };
-    let is_all = cost(&compared[1]) < cost(&compared[0]);
-    assert_eq!(compared[1]["curved_layers"], "all");
-    assert_eq!(curved["flat_layers"] == 0, is_all, "{curved}");
-    // The estimate of what was taken is about what it comes to: a few layers of little ground, where travel counts.
-    let taken = &compared[usize::from(is_all)];
-    let ratio = number(taken, "print_s") / figures["print_s"].as_f64().unwrap();
-    assert!((0.6..1.4).contains(&ratio), "{ratio}: {curved}");
-    assert!((number(taken, "stair_error_mm3") - number(curved, "stair_error_mm3")).abs() < 1e-9);
-}
-
 #[test]
 fn what_does_not_go_with_curved_layers_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, said) in [
-        (&["--curved-layers", "some"][..], "skin:M"),
+        (&["--curved-layers", "all"][..], "skin:M"),
+        (&["--curved-layers", "auto"], "skin:3"),
         (&["--curved-layers", "skin:0"], "M from 1"),
         (&["--curved-layers", "skin:30"], "fits"),
         (
-            &["--curved-layers", "all", "--layer-range", "1-3"],
+            &["--curved-layers", "skin", "--layer-range", "1-3"],
             "--layer-range",
-        ),
-        (
-            &[
-                "--curved-layers",
-                "all",
-                "--infill-density",
-                "20",
-                "--walls",
-                "2",
-            ],
-            "solid",
         ),
         (
             &[
@@ -111,13 +72,13 @@ fn what_does_not_go_with_curved_layers_is_refused() {
             "17 or more",
         ),
         (
-            &["--curved-layers", "all", "--copies", "2"],
+            &["--curved-layers", "skin", "--copies", "2"],
             "in one mesh file",
         ),
         (
             &[
                 "--curved-layers",
-                "all",
+                "skin",
                 "--at",
                 "100,80,0",
                 "--at",
@@ -126,7 +87,7 @@ fn what_does_not_go_with_curved_layers_is_refused() {
             "in one mesh file",
         ),
         (
-            &["--curved-layers", "all", "--layer-range", "1-3"],
+            &["--curved-layers", "skin", "--layer-range", "1-3"],
             "cut the mesh",
         ),
         (
@@ -146,7 +107,7 @@ fn what_does_not_go_with_curved_layers_is_refused() {
             "leave --continuous-z out",
         ),
         (
-            &["--curved-layers", "all", "--surface", "dome.stl"],
+            &["--curved-layers", "skin", "--surface", "dome.stl"],
             "--surface",
         ),
     ] {

@@ -631,7 +631,10 @@ fn shards_of_a_part_give_the_same_job() {
     };
     refused(&["--shard", "3/2"], "3/8");
     refused(&["--shard", "1/2", "-o", path(&job)], "--output");
-    refused(&["--shard", "1/2", "--curved-layers", "all"], "flat layers");
+    refused(
+        &["--shard", "1/2", "--curved-layers", "skin"],
+        "flat layers",
+    );
     let outline = example("u-part.json");
     let output = headway(&["plan", &outline, "--cache", path(&cache), "--shard", "1/2"]);
     assert_eq!(output.status.code(), Some(2));

@@ -1,4 +1,4 @@
-//! The guide's picture of curved layers: sections of the example part in flat layers, with a skin, and with all of them curved.
+//! The guide's picture of curved layers: the section of the example part with a skin.
 
 use super::stairs::machine;
 use headway::geometry::Point2;
@@ -61,32 +61,24 @@ fn the_picture_shows_the_layers_of_the_example() {
         .mesh;
     let settings = machine("gantry");
     let mut svg = String::from(
-        "<svg viewBox=\"0 0 960 500\" width=\"960\" xmlns=\"http://www.w3.org/2000/svg\">\n\
+        "<svg viewBox=\"0 0 960 270\" width=\"960\" xmlns=\"http://www.w3.org/2000/svg\">\n\
          <rect fill=\"#ffffff\" height=\"100%\" width=\"100%\"/>\n",
     );
     let skin = divided(&mesh, CurvedLayers::Skin(3), &settings).unwrap();
-    let all = divided(&mesh, CurvedLayers::All, &settings).unwrap();
-    for (top_px, divided, name) in [
-        (30.0, &skin, "--curved-layers skin:3"),
-        (260.0, &all, "--curved-layers all"),
-    ] {
-        strips(&divided.layers, 24.0, top_px + 190.0, &mut svg);
-        let [flat_mm3, own_mm3] = divided.figures.stair_error_mm3;
-        let [flat, curved] = divided.figures.layers;
-        words(&mut svg, 480.0, top_px + 40.0, name);
-        words(
-            &mut svg,
-            480.0,
-            top_px + 64.0,
-            &format!("{flat} flat layers, {curved} curved"),
-        );
-        let stairs = format!("stairs {own_mm3:.2} mm³ instead of {flat_mm3:.2}");
-        words(&mut svg, 480.0, top_px + 88.0, &stairs);
-        let [least, most] = divided.figures.thickness;
-        let thick = format!("curved ones {least:.2} to {most:.2} layer heights thick");
-        words(&mut svg, 480.0, top_px + 112.0, &thick);
+    strips(&skin.layers, 24.0, 220.0, &mut svg);
+    let [flat_mm3, own_mm3] = skin.figures.stair_error_mm3;
+    let [flat, curved] = skin.figures.layers;
+    let [least, most] = skin.figures.thickness;
+    let lines = [
+        "--curved-layers skin:3".to_string(),
+        format!("{flat} flat layers, {curved} curved"),
+        format!("stairs {own_mm3:.2} mm³ instead of {flat_mm3:.2}"),
+        format!("curved ones {least:.2} to {most:.2} layer heights thick"),
+    ];
+    for (line, text) in lines.iter().enumerate() {
+        words(&mut svg, 480.0, 70.0 + 24.0 * line as f64, text);
     }
     svg.push_str("</svg>\n");
-    assert!(svg.len() > 10_000 && skin.figures.layers[1] == 3);
+    assert!(svg.len() > 10_000 && curved == 3);
     std::fs::write(root.join("docs/pictures/curved-layers.svg"), svg).unwrap();
 }

@@ -169,12 +169,6 @@ fn a_skin_is_printed_on_the_gantry() {
 
 #[test]
 #[ignore = "several plans and simulations: by name"]
-fn all_layers_curved_are_printed_on_the_gantry() {
-    printed(&machine("gantry"), CurvedLayers::All);
-}
-
-#[test]
-#[ignore = "several plans and simulations: by name"]
 fn a_skin_over_a_sparse_inside_is_printed() {
     let mut settings = machine("gantry");
     settings.infill = Some(Infill {

@@ -1,5 +1,5 @@
 //! Goal: the parts that curved layers are measured on are printed whole on machines that tilt head or table and on an arm.
-//! Method: the dome of 40 mm, the wing and the bracket planned by `auto` or as asked, and every step simulated.
+//! Method: the dome of 40 mm, the wing and the bracket planned with a skin, and every step simulated.
 
 use super::printed::assert_printed;
 use super::stairs::machine;

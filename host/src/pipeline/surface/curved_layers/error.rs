@@ -30,41 +30,6 @@ pub enum CurvedLayersError {
         /// Layers that fit.
         layers_max: u32,
     },
-    /// The field does not keep its bounds.
-    #[error(
-        "--curved-layers all: near ({:.2}, {:.2}) mm layers would be {share:.2} times as thick as nominal, beyond {least} to \
-         {most}: the part's heights differ too much for one count of layers; use --curved-layers skin",
-        at_mm[0], at_mm[1]
-    )]
-    Thickness {
-        /// Place from above.
-        at_mm: [f64; 2],
-        /// Thickness there.
-        share: f64,
-        /// Least one.
-        least: f64,
-        /// Greatest one.
-        most: f64,
-    },
-    /// The field is steeper than the head may tilt.
-    #[error(
-        "--curved-layers all: near ({:.2}, {:.2}) mm a layer would slope by {slope_deg:.1}°, and {most_deg:.1}° is what \
-         this machine's head allows; use --curved-layers skin",
-        at_mm[0], at_mm[1]
-    )]
-    TooSteep {
-        /// Place from above.
-        at_mm: [f64; 2],
-        /// Slope there.
-        slope_deg: f64,
-        /// What is allowed.
-        most_deg: f64,
-    },
-    /// A sparse inside with layers that are all curved.
-    #[error(
-        "--curved-layers all prints solid parts: use skin, which may have a sparse inside, or leave --infill-density out"
-    )]
-    SparseAll,
     /// An inside that does not hold what is above it.
     #[error(
         "--curved-layers: an infill of {density_pct} % does not hold solid layers above it, and no bridges are made under curved \

@@ -7,13 +7,11 @@ use crate::geometry::polygon::Region;
 use crate::geometry::spline_surface::{SplineSurface, SurfaceJet};
 use std::sync::Arc;
 
-/// A curved surface of a layer: smooth heights times a factor and an offset.
+/// A curved surface of a layer: smooth heights and an offset.
 #[derive(Clone, Debug)]
 pub struct LevelSurface {
     /// The heights that several layers share.
     pub base: Arc<SplineSurface>,
-    /// Their factor.
-    pub factor: f64,
     /// What is added, mm.
     pub offset_mm: f64,
 }
@@ -23,9 +21,8 @@ impl LevelSurface {
     pub fn jet(&self, at: Point2) -> SurfaceJet {
         let jet = self.base.jet(at.x, at.y);
         SurfaceJet {
-            z_mm: self.factor * jet.z_mm + self.offset_mm,
-            slope: jet.slope.map(|slope| self.factor * slope),
-            bend: jet.bend.map(|bend| self.factor * bend),
+            z_mm: jet.z_mm + self.offset_mm,
+            ..jet
         }
     }
 

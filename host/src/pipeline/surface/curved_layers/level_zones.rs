@@ -292,7 +292,6 @@ mod tests {
         let base = SplineSurface::on_grid(&points, Box2::of(&corners), 0.5).unwrap();
         LevelSurface {
             base: Arc::new(base),
-            factor: 1.0,
             offset_mm: 0.0,
         }
     }

@@ -1,20 +1,16 @@
 //! Curved layers of a part: tops that are not flat lose their stairs.
 //!
 //! ```text
-//! Mesh --seen from above--> TopGrid --pieces--> smooth tops --skin or field--> [PartLayer] --> stair error
-//! (mm, on the bed)          (mm)                (mm)                         (flat or curved, regions)
+//! Mesh --seen from above--> TopGrid --pieces--> smooth tops --skin--> [PartLayer] --> stair error
+//! (mm, on the bed)          (mm)                (mm)                  (flat or curved, regions)
 //!   --planned in the plane or in a chart--> moves --one after another--> Route --> as for surfaces
 //! ```
-//! In: a closed mesh (mm, input coordinates). Out: a [`Plan`] whose layers follow each other as one job. **Skin**: flat
-//! layers with so many curved ones over them (`skin`). **All**: one smooth function has the layers as its whole values
-//! (`field`). Which of them, unless it is said, stairs and seconds decide (`chosen`). Leaves out:
-//! supports, keep-outs, copies, layers of several heights; curved layers are solid.
+//! In: a closed mesh (mm, input coordinates). Out: a [`Plan`] whose layers follow each other as one job: flat layers with so
+//! many curved ones over them (`skin`). Leaves out: supports, keep-outs, copies, layers of several heights; curved layers
+//! are solid.
 
-mod all_curved;
 mod beside;
-mod chosen;
 mod error;
-mod field;
 mod laid_layer;
 pub mod layer_shape;
 mod level_zones;
@@ -26,9 +22,8 @@ mod stair_error;
 mod top_grid;
 mod upright;
 
-pub use crate::settings::curved_layers::{CurvedLayers, SKIN_LAYERS};
+pub use crate::settings::curved_layers::CurvedLayers;
 pub use beside::Beside;
-pub use chosen::Compared;
 pub use error::CurvedLayersError;
 pub use upright::EdgeDepth;
 
@@ -47,7 +42,6 @@ use crate::settings::{LAYERS_MAX, Settings};
 use layer_shape::PartLayer;
 use rayon::prelude::*;
 use smooth_top::FollowedTop;
-use stair_error::Bounds;
 use top_grid::{Piece, TopGrid};
 
 /// Least area of a piece of the top, of the nozzle's half length squared: room for a few beads.
@@ -63,8 +57,6 @@ pub struct CurvedFigures {
     pub thickness: [f64; 2],
     /// Steepest slope of one, rad.
     pub slope_max_rad: f64,
-    /// What was compared, where nobody said which layers are curved.
-    pub compared: Vec<Compared>,
     /// How deep the nozzle's edge gets below the top of the layer that it prints, where the head stays upright.
     pub edge_depth: Option<EdgeDepth>,
     /// What of the part hangs farther than half a bead over what is below, mm², and the worst place, input coordinates.
@@ -123,37 +115,30 @@ pub fn plan_curved_layers(
 /// [`CurvedLayersError`].
 pub fn divided(
     mesh: &Mesh,
-    asked: CurvedLayers,
+    CurvedLayers::Skin(skin_layers): CurvedLayers,
     settings: &Settings,
 ) -> Result<DividedPart, CurvedLayersError> {
     let job = Job::of(mesh, settings)?;
-    let (division, compared) = job.divided(asked)?;
-    let Division {
-        layers,
-        stair_error_mm3,
-        bounds,
-    } = division;
-    let flat_mm3 = stair_error::of_flat_layers(&job.grid, job.layer_mm);
+    job.check_settings()?;
+    let pieces = job.pieces()?.into_par_iter();
+    let tops: Vec<FollowedTop> = pieces.map(|piece| FollowedTop::of(&job, piece)).collect();
+    let layers = skin::layers_with_skin(&job, &tops, skin_layers)?;
+    let bounds = stair_error::bounds(&job.grid, &layers, job.layer_mm);
     let curved = layers.iter().filter(|layer| layer.is_curved()).count() as u32;
     Ok(DividedPart {
         figures: CurvedFigures {
             layers: [layers.len() as u32 - curved, curved],
-            stair_error_mm3: [flat_mm3, stair_error_mm3],
+            stair_error_mm3: [
+                stair_error::of_flat_layers(&job.grid, job.layer_mm),
+                stair_error::of_layers(&job.grid, &layers),
+            ],
             thickness: bounds.thickness,
             slope_max_rad: bounds.slope.atan(),
             hanging: job.hanging(),
-            compared,
             ..CurvedFigures::default()
         },
         layers,
     })
-}
-
-/// Layers, judged.
-struct Division {
-    layers: Vec<PartLayer>,
-    stair_error_mm3: f64,
-    bounds: Bounds,
 }
 
 impl<'a> Job<'a> {
@@ -229,71 +214,18 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// The division that is asked for, or the better one with what was compared.
-    fn divided(&self, asked: CurvedLayers) -> Result<(Division, Vec<Compared>), CurvedLayersError> {
-        self.check_settings(asked)?;
-        let pieces = self.pieces()?.into_par_iter();
-        let tops: Vec<FollowedTop> = pieces.map(|piece| FollowedTop::of(self, piece)).collect();
-        let skin = |count: u32| Ok(self.judged(skin::layers_with_skin(self, &tops, count)?));
-        let usual = SKIN_LAYERS.min(skin::layers_max(self, &tops).0).max(1);
-        let one = match asked {
-            CurvedLayers::Skin(count) => skin(count),
-            CurvedLayers::All => self.all(&tops),
-            CurvedLayers::Auto if self.is_sparse() => skin(usual),
-            CurvedLayers::Auto => match (skin(usual), self.all(&tops)) {
-                (Ok(skin), Ok(all)) => return Ok(self.better(usual, skin, all)),
-                (skin, Err(_)) => skin,
-                (Err(_), all) => all,
-            },
-        };
-        Ok((one?, Vec::new()))
-    }
-
-    fn better(&self, usual: u32, skin: Division, all: Division) -> (Division, Vec<Compared>) {
-        let flat_mm3 = stair_error::of_flat_layers(&self.grid, self.layer_mm);
-        let (both, is_all) = chosen::compared((usual, &skin), &all, flat_mm3, self.settings);
-        (if is_all { all } else { skin }, both.to_vec())
-    }
-
-    fn is_sparse(&self) -> bool {
-        let infill = self.settings.infill.as_ref();
-        infill.is_some_and(|infill| !infill.is_solid())
-    }
-
     /// Whether the settings go with curved layers, and the inside that is asked for can be had.
-    fn check_settings(&self, asked: CurvedLayers) -> Result<(), CurvedLayersError> {
+    fn check_settings(&self) -> Result<(), CurvedLayersError> {
         if self.settings.wide_beads.continuous_z {
             return Err(CurvedLayersError::ContinuousZ);
         }
-        let infill = self.settings.infill.as_ref().filter(|_| self.is_sparse());
-        let Some(infill) = infill else {
-            return Ok(());
-        };
         let least_pct = 100.0 / SPAN_BEADS_MAX;
-        if infill.density_pct < least_pct {
-            let density_pct = infill.density_pct;
-            return Err(CurvedLayersError::Hollow {
-                density_pct,
+        match &self.settings.infill {
+            Some(infill) if infill.density_pct < least_pct => Err(CurvedLayersError::Hollow {
+                density_pct: infill.density_pct,
                 least_pct,
-            });
-        }
-        match asked {
-            CurvedLayers::All => Err(CurvedLayersError::SparseAll),
+            }),
             _ => Ok(()),
-        }
-    }
-
-    fn all(&self, tops: &[FollowedTop]) -> Result<Division, CurvedLayersError> {
-        let all = self.judged(all_curved::curved_throughout(self, tops));
-        all_curved::check(&all.bounds, self.slope_max())?;
-        Ok(all)
-    }
-
-    fn judged(&self, layers: Vec<PartLayer>) -> Division {
-        Division {
-            stair_error_mm3: stair_error::of_layers(&self.grid, &layers),
-            bounds: stair_error::bounds(&self.grid, &layers, self.layer_mm),
-            layers,
         }
     }
 }

@@ -97,32 +97,6 @@ pub fn planned(
     job.laid_out(layers, bed_mm, figures, settings, progress)
 }
 
-/// How long a layer takes by itself, laid at the height that it has in the job, s.
-///
-/// # Errors
-/// [`PlanError`].
-pub fn seconds_of(layer: &PartLayer, settings: &Settings) -> Result<f64, PlanError> {
-    let mut job = OneJob::default();
-    let context = Context {
-        settings,
-        start: Point::default(),
-        is_first: false,
-        solid: &|_| Vec::new(),
-        progress: &(),
-    };
-    for laid in laid_group(0, std::slice::from_ref(layer), &context)? {
-        job.add(laid, 0, settings);
-    }
-    let placed = job.placed(std::slice::from_ref(layer), 0.0, settings)?;
-    let mut route = placed.route;
-    let (stream, ..) = lay_with_layer_times(&mut route, settings, &())?;
-    let of_layer = stream.marks.iter().filter(|mark| mark.pass.is_some());
-    let begin = of_layer.clone().map(|mark| mark.start_tick).min();
-    let end = of_layer.map(|mark| mark.end_tick).max();
-    let ticks = end.unwrap_or(0) - begin.unwrap_or(0);
-    Ok(ticks as f64 / f64::from(settings.machine.servo_hz))
-}
-
 /// Layers that are planned together: flat ones, or a curved one.
 fn laid_group(number: u32, group: &[PartLayer], context: &Context) -> Result<Vec<Laid>, PlanError> {
     match &group[0].shape {

@@ -61,7 +61,7 @@ pub fn layers_with_skin(
 }
 
 /// How many curved layers fit over the lowest place of pieces, and that place.
-pub fn layers_max(job: &Job, tops: &[FollowedTop]) -> (u32, usize) {
+fn layers_max(job: &Job, tops: &[FollowedTop]) -> (u32, usize) {
     let cells = tops.iter().flat_map(|top| top.piece.cells.iter().copied());
     let height_mm = |cell: usize| job.grid.z_mm[cell];
     let lowest = cells.min_by(|&a, &b| height_mm(a).total_cmp(&height_mm(b)));
@@ -95,7 +95,6 @@ impl Skin {
         let margin = (beyond_mm / grid.step_mm).ceil() as usize + 2;
         let top = LevelSurface {
             base: Arc::clone(&followed.surface),
-            factor: 1.0,
             offset_mm: 0.0,
         };
         let (grown, away) = grid.distances_mm(piece, margin);

@@ -5,7 +5,6 @@
 
 use super::layer_shape::{PartLayer, Shape};
 use super::top_grid::TopGrid;
-use crate::geometry::Point2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::Region;
 use rayon::prelude::*;
@@ -59,12 +58,8 @@ pub fn of_layers(grid: &TopGrid, layers: &[PartLayer]) -> f64 {
 pub struct Bounds {
     /// Least and greatest thickness, of the nominal one.
     pub thickness: [f64; 2],
-    /// Place of the least and the greatest.
-    pub thickness_at: [Point2; 2],
     /// Steepest slope, its tangent.
     pub slope: f64,
-    /// Its place.
-    pub slope_at: Point2,
 }
 
 /// Thickness and slope over the regions of curved layers.
@@ -85,9 +80,7 @@ pub fn bounds(grid: &TopGrid, layers: &[PartLayer], layer_mm: f64) -> Bounds {
                     let share = (jet.z_mm - below.z_mm(at)) / layer_mm;
                     found = found.with(&Bounds {
                         thickness: [share; 2],
-                        thickness_at: [at; 2],
                         slope: jet.slope[0].hypot(jet.slope[1]),
-                        slope_at: at,
                     });
                 }
             }
@@ -101,21 +94,14 @@ pub fn bounds(grid: &TopGrid, layers: &[PartLayer], layer_mm: f64) -> Bounds {
 impl Bounds {
     const NONE: Bounds = Bounds {
         thickness: [f64::INFINITY, 0.0],
-        thickness_at: [Point2::new(0.0, 0.0); 2],
         slope: 0.0,
-        slope_at: Point2::new(0.0, 0.0),
     };
 
-    fn with(mut self, other: &Bounds) -> Bounds {
-        if other.thickness[0] < self.thickness[0] {
-            (self.thickness[0], self.thickness_at[0]) = (other.thickness[0], other.thickness_at[0]);
+    fn with(self, other: &Bounds) -> Bounds {
+        let ([least, most], [other_least, other_most]) = (self.thickness, other.thickness);
+        Bounds {
+            thickness: [least.min(other_least), most.max(other_most)],
+            slope: self.slope.max(other.slope),
         }
-        if other.thickness[1] > self.thickness[1] {
-            (self.thickness[1], self.thickness_at[1]) = (other.thickness[1], other.thickness_at[1]);
-        }
-        if other.slope > self.slope {
-            (self.slope, self.slope_at) = (other.slope, other.slope_at);
-        }
-        self
     }
 }
