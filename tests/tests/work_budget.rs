@@ -96,9 +96,7 @@ fn claiming_svg() -> String {
 #[test]
 fn work_goes_with_bytes_and_not_with_claims() {
     let gcode = |text: &str| text.to_string();
-    let five_lines = gcode(
-        ";headway extruder=U turns=ABC\nG92 U0 C0\nG93\nG1 U1 F990\nG1 X0.13 C-15 U1.0045 F2353\n",
-    );
+    let inverse_time = gcode("G92 E0 C0\nG93\nG1 E.5 F990\nG1 X0.13 C-15 E.5045 F2353\n");
     let arcs = format!(
         "G91.1\nM83\nG0 X10\n{}",
         "G3 X10 Y0 I-10 J0 P100 E1000000000\n".repeat(50)
@@ -142,7 +140,7 @@ fn work_goes_with_bytes_and_not_with_claims() {
     );
     let job: Vec<u8> = (0..200u8).map(|byte| byte | 0x80).collect();
     let cases: Vec<Case> = vec![
-        of_gcode("five lines of inverse time", five_lines),
+        of_gcode("lines of inverse time", inverse_time),
         of_gcode("arcs of a hundred turns", arcs),
         of_gcode("a crawl of three minutes", crawl),
         of_gcode("a slow pull", pull),

@@ -15,6 +15,11 @@ pub enum GcodeError {
     /// `.bgcode`.
     #[error("it is binary G-code: switch \"binary G-code\" off in the slicer and export again")]
     Binary,
+    /// A job's export, in planning.
+    #[error(
+        "its header says that Headway exported it from a job: stream or export that job (.hwj), or plan its part again"
+    )]
+    OwnExport,
     /// Longer than any line that means something.
     #[error(
         "line {line} is longer than {LINE_CHARS_MAX} characters: it is no G-code, or lost its line ends"

@@ -24,7 +24,7 @@ pub use error::GcodeError;
 
 use crate::job::heat::HeatOrder;
 use axes::FileAxes;
-use comments::Slicer;
+use comments::{OWN_HEADER, Slicer};
 use extrusion::Taken;
 use headway_firmware::kinematics::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use interpreter::Steps;
@@ -197,15 +197,17 @@ impl Default for GcodeOptions {
 const HEAD_LINES: usize = 100;
 
 impl GcodeOptions {
-    /// Those of a text: where it says its axes itself, declared ones may yield.
+    /// Those of a text: what Headway wrote says its axes itself, whatever is declared.
     fn of_text(&self, text: &str) -> GcodeOptions {
-        let yields = self.axes.as_ref().is_some_and(|axes| axes.is_of_others());
-        let says = |line: &str| line.contains(";headway extruder=");
-        let mut options = self.clone();
-        if yields && words::lines(text).take(HEAD_LINES).any(says) {
-            options.axes = None;
+        let is_header = |line: &str| {
+            let comment = line.trim_start().strip_prefix(';');
+            comment.is_some_and(|comment| comment.trim_start().starts_with(OWN_HEADER))
+        };
+        let is_own = words::lines(text).take(HEAD_LINES).any(is_header);
+        GcodeOptions {
+            axes: self.axes.clone().filter(|_| !is_own),
+            ..self.clone()
         }
-        options
     }
 }
 
@@ -237,6 +239,11 @@ impl GcodePass {
 }
 
 impl GcodeProgram {
+    /// A job that Headway exported: it is read, and not planned again.
+    pub fn is_export(&self) -> bool {
+        self.slicer == Slicer::Headway
+    }
+
     /// Layers of the passes.
     pub fn layers(&self) -> u32 {
         self.passes.last().map_or(1, |pass| pass.layer + 1) + self.layers_within

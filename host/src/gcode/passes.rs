@@ -7,7 +7,6 @@
 mod gap;
 mod heights;
 
-use super::comments::Slicer;
 use super::error::GcodeError;
 use super::interpreter::{Firmware, HeatStep, Step, Steps};
 use super::{
@@ -76,8 +75,6 @@ struct Builder {
     /// Pulled and not yet pushed, mm³.
     outstanding_mm3: f64,
     left_out: LeftOut,
-    /// Most that a prime adds.
-    extra_mm3: f64,
     layer: u32,
     /// Highest of this object, and its first layer.
     top_mm: f64,
@@ -106,11 +103,6 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
         gap: Gap::default(),
         outstanding_mm3: 0.0,
         left_out: LeftOut::default(),
-        extra_mm3: match steps.comments.slicer {
-            // Ours purge nothing.
-            Slicer::Headway => f64::INFINITY,
-            _ => EXTRA_MM3,
-        },
         layer: 0,
         top_mm: f64::NEG_INFINITY,
         first_mm: f64::INFINITY,
@@ -256,7 +248,7 @@ impl Builder {
         let owed_mm3 = mm3.min(self.outstanding_mm3);
         let extra_mm3 = mm3 - owed_mm3;
         self.outstanding_mm3 -= owed_mm3;
-        let made_mm3 = match extra_mm3 > self.extra_mm3 {
+        let made_mm3 = match extra_mm3 > EXTRA_MM3 {
             true => owed_mm3,
             false => mm3,
         };

@@ -256,10 +256,10 @@ pub fn read_any(
         };
         let name = names::part_name(name).unwrap_or_else(|| "gcode".to_string());
         let program = gcode::read(&text, &name, &options)?;
-        return Ok(match (program.has_tilts, program.is_declared) {
-            (true, true) => Input::Path(declared_run::declared_run(program)),
-            (true, false) => Input::Path(gcode_run::waypoint_run(program)),
-            (false, _) => Input::Gcode(program),
+        return Ok(match program.is_declared {
+            _ if program.is_export() || !program.has_tilts => Input::Gcode(program),
+            true => Input::Path(declared_run::declared_run(program)),
+            false => Input::Path(gcode_run::waypoint_run(program)),
         });
     }
     if format == Format::Waypoints {

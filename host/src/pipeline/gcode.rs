@@ -10,8 +10,7 @@
 //! densely.
 
 use super::{PlanError, start_pose};
-use crate::gcode::comments::Slicer;
-use crate::gcode::{GcodePass, GcodeProgram, check_days};
+use crate::gcode::{GcodeError, GcodePass, GcodeProgram, check_days};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Box2;
 use crate::job::SegmentStream;
@@ -65,13 +64,16 @@ pub struct GcodePlan {
 /// Plans a file. Speeds are the file's, at most `speed_max_mm_s`.
 ///
 /// # Errors
-/// [`PlanError`].
+/// [`PlanError`]; Headway's own exports are refused, whose motion was planned already.
 pub fn plan_gcode(
     program: &GcodeProgram,
     speed_max_mm_s: Option<f64>,
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<GcodePlan, PlanError> {
+    if program.is_export() {
+        return Err(GcodeError::OwnExport.into());
+    }
     let settings = with_speeds(program, speed_max_mm_s, settings);
     settings.check()?;
     check_time(program, &settings)?;
@@ -257,16 +259,6 @@ fn place(program: &GcodeProgram, settings: &Settings) -> Result<PartTransform, P
         low_mm - settings.layer_height_mm
     };
     let bounds = Box2::of(&corners);
-    // A planned job has its place, on a machine with room for it.
-    if program.slicer == Slicer::Headway && settings.at_mm.is_none() {
-        let in_place = Settings {
-            at_mm: Some([0.0; 3]),
-            ..settings.clone()
-        };
-        if let Ok(transform) = PartTransform::choose_box(bounds, [bed_mm, top_mm], &in_place) {
-            return Ok(transform);
-        }
-    }
     Ok(PartTransform::choose_box(
         bounds,
         [bed_mm, top_mm],

@@ -543,13 +543,12 @@ fn heights() -> Vec<Case> {
 /// Numbers that claim more time or memory than the file has.
 fn claims() -> Vec<Case> {
     let pulls = "G1 E-14 F0.25\nG0 X0\nG1 E14 F0.25\nG1 X10 E.3 F1200\n".repeat(20);
-    let five =
-        ";headway extruder=U turns=ABC\nG92 U0 C0\nG93\nG1 U1 F990\nG1 X0.13 C-15 U1.0045 F2353\n";
+    let inverse_time = "G92 E0 C0\nG93\nG1 E.5 F990\nG1 X0.13 C-15 E.5045 F2353\n";
     vec![
         case(
-            "five lines of inverse time",
+            "lines of inverse time",
             Planned,
-            five,
+            inverse_time,
             Seconds(0.1, 10.0),
         ),
         case(

@@ -45,9 +45,5 @@ pub(crate) fn of(
     };
     let machine = words.machine.is_some().then_some(&machine);
     let axes = FileAxes::new(&words, machine).map_err(wrong)?;
-    // The option refers to the current file.
-    Ok(Some(Arc::new(match option {
-        Some(_) => axes,
-        None => axes.of_others(),
-    })))
+    Ok(Some(Arc::new(axes)))
 }

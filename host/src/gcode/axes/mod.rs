@@ -47,8 +47,6 @@ pub struct FileAxes {
     feed: Option<FeedOf>,
     extruder: Option<u8>,
     text: String,
-    /// Files that Headway wrote say their own axes.
-    yields: bool,
 }
 
 /// A machine whose joints a file has.
@@ -89,7 +87,6 @@ impl FileAxes {
             feed: words.feed,
             extruder: words.extruder,
             text: words.text.clone(),
-            yields: false,
         };
         let is_jointed = machine.is_some() || !words.rotary.is_empty();
         axes.coordinates = match words.coordinates {
@@ -103,18 +100,6 @@ impl FileAxes {
             }
         }
         Ok(axes)
-    }
-
-    /// The same for files of other programs alone: those that Headway wrote say their own axes.
-    #[must_use]
-    pub fn of_others(mut self) -> FileAxes {
-        self.yields = true;
-        self
-    }
-
-    /// True where files that Headway wrote are read by their own axes.
-    pub fn is_of_others(&self) -> bool {
-        self.yields
     }
 
     /// Letters of the slots; 0 where one has none.

@@ -19,7 +19,6 @@ use crate::gcode::{GcodePass, Leg, Place};
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::plan::route::bead_headings::{BeadLines, HeadingTrack, WidthOff};
-use crate::plan::route::chords::Chords;
 use crate::plan::route::told_headings::{HeadingJumps, followed_headings};
 use crate::plan::route::waypoint_curve::CORNER_RAD;
 use crate::settings::Settings;
@@ -66,8 +65,6 @@ pub struct BeadMove {
     pub speed_mm_s: f64,
     /// Tip speeds by the path's parameter, rising, where they are several.
     pub speeds_mm_s: Vec<[f64; 2]>,
-    /// Least duration, s.
-    pub least_s: f64,
 }
 
 /// A pass without legs of length 0, by legs.
@@ -84,8 +81,6 @@ pub struct Bead {
     headings: Headings,
     jumps: HeadingJumps,
     is_told: bool,
-    /// Of a motion that was planned before.
-    chords: Option<Chords>,
 }
 
 impl Bead {
@@ -116,10 +111,6 @@ impl Bead {
             headings,
             jumps,
             is_told: headings_told,
-            chords: match headings_told && slicer == Slicer::Headway {
-                true => Chords::of_pass(pass, settings.flow_factor),
-                false => None,
-            },
         })
     }
 
@@ -140,15 +131,6 @@ impl Bead {
 
     /// Its curve.
     pub fn curve(&self, settings: &Settings) -> BeadCurve {
-        let planned = self.chords.as_ref();
-        if let Some(curves) = planned.and_then(|chords| chords.curves(settings)) {
-            return BeadCurve {
-                moves: curves.into_iter().map(BeadMove::of).collect(),
-                beyond_mm: [0.0; 2],
-                off: WidthOff::default(),
-                jumps: HeadingJumps::default(),
-            };
-        }
         let (way, widths_mm, headings) = (&self.way, &self.widths_mm, &self.headings);
         let aperture = &settings.aperture;
         let volumes_mm3 = way.volumes_mm3(widths_mm, headings, settings);

@@ -12,7 +12,6 @@ use crate::plan::headings::stops::entry_heading;
 use crate::plan::route::bead_curve::parts::headings_rad;
 use crate::plan::route::bead_curve::{Bead, BeadCurve, BeadMove, travel_control};
 use crate::plan::route::bead_headings::{WidthOff, bead_headings};
-use crate::plan::route::chords::{ChordMove, Chords};
 use crate::plan::route::flow::event_duration_s;
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::plan::route::told_headings::HeadingJumps;
@@ -26,8 +25,6 @@ use rayon::prelude::*;
 const PUSH_MIN_MM3: f64 = 1e-3;
 /// Time of the move to the first pass, in which the nozzle can turn to any heading, s.
 const FIRST_TRAVEL_S: f64 = 1.0;
-/// A planned travel begins and ends this near to where it must, mm and rad.
-const START_MM: f64 = 1e-3;
 /// Share of the extruder's limits that pushes use: rounding of their durations to ticks.
 pub(super) const PUSH_SHARE: f64 = 0.98;
 
@@ -42,13 +39,6 @@ pub struct GcodeWay<'a> {
     pub offset_mm: [f64; 3],
     /// Speeds, nozzle, pushes of the machine.
     pub settings: &'a Settings,
-}
-
-impl GcodeWay<'_> {
-    /// The file is the motion of a job that was planned, each move with its time.
-    fn is_planned(&self) -> bool {
-        self.headings_told && self.slicer == Slicer::Headway
-    }
 }
 
 /// The route of some passes, and the length whose beads are wider and narrower than the nozzle's.
@@ -203,14 +193,6 @@ impl Head<'_> {
         let mut to = self.at;
         to[CHANNEL_X..=CHANNEL_Z].copy_from_slice(&begin);
         to[CHANNEL_HEADING] = heading_rad;
-        if let Some(curves) = self.planned_travel(pass, is_first, &to) {
-            for curve in curves {
-                let least_s = curve.least_s;
-                self.route_move(MotionState::Travel, pass.layer, curve.control)
-                    .dwell_s = least_s;
-            }
-            return;
-        }
         if is_first {
             let above = self.at[CHANNEL_Z].max(begin[2]) + settings.lift_mm;
             let (mut up, mut over) = (self.at, to);
@@ -266,43 +248,6 @@ impl Head<'_> {
         }
     }
 
-    /// The motion of a travel that was planned before; `None` if it does not lead from here to the beginning of the
-    /// pass.
-    fn planned_travel(
-        &self,
-        pass: &GcodePass,
-        is_first: bool,
-        to: &[f64; CHANNELS],
-    ) -> Option<Vec<ChordMove>> {
-        if !self.way.is_planned() {
-            return None;
-        }
-        let from = Place {
-            tip_mm: std::array::from_fn(|i| self.at[CHANNEL_X + i] - self.way.offset_mm[i]),
-            turn_deg: [0.0, 0.0, self.at[CHANNEL_HEADING].to_degrees()],
-        };
-        // The first is where the job begins.
-        if is_first && pass.travel.first()?.distance_mm(&from) > START_MM {
-            return None;
-        }
-        let chords = Chords::of_travel(&from, pass, usize::from(is_first))?;
-        let mut curves = chords.curves(self.way.settings)?;
-        let (mut at, volume_mm3) = (self.at, self.at[CHANNEL_VOLUME]);
-        for curve in &mut curves {
-            for point in &mut curve.control {
-                let tip_mm = self.on_machine([0, 1, 2].map(|i| point[CHANNEL_X + i]));
-                point[CHANNEL_X..=CHANNEL_Z].copy_from_slice(&tip_mm);
-                point[CHANNEL_VOLUME] = volume_mm3;
-            }
-            // To the last digit: each begins where the one before it ends.
-            *curve.control.first_mut()? = at;
-            at = *curve.control.last()?;
-        }
-        let is_there = (0..CHANNELS).all(|c| (at[c] - to[c]).abs() < START_MM);
-        *curves.last_mut()?.control.last_mut()? = *to;
-        is_there.then_some(curves)
-    }
-
     /// Volume, duration of a push; `None` if there is none.
     fn push(&self, push: Option<Push>, [own_mm3, own_rate_mm3_s]: [f64; 2]) -> Option<(f64, f64)> {
         let push = push?;
@@ -317,13 +262,7 @@ impl Head<'_> {
             _ => most_mm3_s,
         };
         let acceleration = extruder.acceleration_max_mm3_s2 * share;
-        let duration_s = match self.way.is_planned() {
-            // It has its time, whose mean is the rate.
-            true => {
-                event_duration_s(volume_mm3, most_mm3_s, acceleration).max(volume_mm3 / asked_mm3_s)
-            }
-            false => event_duration_s(volume_mm3, asked_mm3_s.min(most_mm3_s), acceleration),
-        };
+        let duration_s = event_duration_s(volume_mm3, asked_mm3_s.min(most_mm3_s), acceleration);
         (volume_mm3 > PUSH_MIN_MM3).then_some((volume_mm3, duration_s))
     }
 
@@ -367,7 +306,6 @@ impl Head<'_> {
             route_move.pass = Some(number);
             route_move.speed_mm_s = Some(of_move.speed_mm_s);
             route_move.speeds_mm_s.clone_from(&of_move.speeds_mm_s);
-            route_move.dwell_s = of_move.least_s;
             if let Some((volume_mm3, duration_s)) = retract
                 && k + 1 == moves.len()
             {

@@ -5,7 +5,7 @@
 //! (mm, rad)                                                                 (mm, rad, mm³)
 //! WaypointRun --waypoint_curve--> PathCurve --waypoint_route--> Route
 //! (mm, input)                     (mm, rad, machine coordinates)
-//! GcodePass   --bead_headings, bead_curve, chords, gcode_route--> Route
+//! GcodePass   --bead_headings, bead_curve, gcode_route--> Route
 //! (mm, input)                                                     (mm, rad, mm³)
 //! ```
 //!
@@ -14,7 +14,6 @@
 pub mod bead_curve;
 pub mod bead_headings;
 pub mod build_route;
-pub mod chords;
 pub mod clear_travel;
 pub mod curve_cuts;
 pub mod flow;

@@ -127,8 +127,8 @@ fn broken_files_leave_nothing_behind() {
     }
 }
 
-/// Goal: a job goes out for another controller and comes back as the same beads. Method: the square
-/// exported, inspected and planned again; options that do not fit are refused as wrong usage.
+/// Goal: a job goes out for another controller and is read back as the same beads, but not planned. Method: the square
+/// exported and inspected, its texts of all dialects planned; options that do not fit are refused as wrong usage.
 #[test]
 fn a_job_is_exported_as_gcode() {
     let folder = folder("gcode_export");
@@ -160,7 +160,19 @@ fn a_job_is_exported_as_gcode() {
         of["volume_mm3"].as_f64().expect("a volume")
     };
     assert!((volume_mm3(&after) / volume_mm3(&before) - 1.0).abs() < 1e-3);
-    succeeded(&headway(&["plan", path(&out), "-o", path(&job)]));
+    let again = folder.join("again.hwj");
+    for dialect in ["klipper", "reprapfirmware", "linuxcnc", "grblhal", "marlin"] {
+        let export = ["export", path(&job), "--to", "gcode", "--dialect", dialect];
+        succeeded(&headway(&[&export[..], &["-o", path(&out)]].concat()));
+        let refused = headway(&["plan", path(&out), "-o", path(&again)]);
+        let told = stderr(&refused);
+        assert_eq!(refused.status.code(), Some(1), "{dialect}: {told}");
+        let wanted = "out.gcode: its header says that Headway exported it from a job: stream";
+        assert!(
+            told.contains(wanted) && !again.exists(),
+            "{dialect}: {told}"
+        );
+    }
     let block = folder.join("start.txt");
     std::fs::write(&block, "G28\nM109 S{hot}\n").expect("written");
     for wrong in [

@@ -9,6 +9,5 @@ mod foreign_axes;
 mod heat_orders;
 mod orca;
 mod plain_turns;
-mod planned_again;
 mod reading;
 mod short_beads;

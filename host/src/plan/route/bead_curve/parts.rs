@@ -39,13 +39,10 @@ impl BeadCurve {
             let own = pass.into_iter().zip(parts.by_ref());
             let part_move = |(curve, (part, speeds_mm_s)): (PathCurve, (&CurvePart, _))| {
                 let whole = &moves[part.curve];
-                let share = curve.span_count() as f64
-                    / (part.finer * whole.control.len().saturating_sub(1).max(1) as f64);
                 BeadMove {
                     control: curve.control,
                     speed_mm_s: whole.speed_mm_s,
                     speeds_mm_s,
-                    least_s: whole.least_s * share,
                 }
             };
             own.map(part_move).collect()

@@ -6,7 +6,6 @@
 //! the machine's limits on the speeds.
 
 use super::{BeadMove, Control, Way};
-use crate::plan::route::chords::ChordMove;
 use crate::settings::Settings;
 
 /// Speeds alike to this share are one; runs shorter than this, of the aperture's unit, are no move of their own: they
@@ -112,19 +111,6 @@ impl Way {
     }
 }
 
-impl BeadMove {
-    /// Of a motion that was planned before.
-    pub(super) fn of(chords: ChordMove) -> BeadMove {
-        let speeds = chords.speeds_mm_s.iter();
-        BeadMove {
-            speed_mm_s: speeds.map(|[_, speed]| *speed).fold(0.0, f64::max),
-            control: chords.control,
-            speeds_mm_s: chords.speeds_mm_s,
-            least_s: chords.least_s,
-        }
-    }
-}
-
 impl Control {
     /// The move of a run.
     pub(super) fn run(&self, run: &[Stretch]) -> Option<BeadMove> {
@@ -152,7 +138,6 @@ impl Control {
             control: self.points[from..=to].to_vec(),
             speed_mm_s: fastest,
             speeds_mm_s,
-            least_s: 0.0,
         })
     }
 }
