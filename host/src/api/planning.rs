@@ -16,7 +16,7 @@ use crate::mesh::LoadedMesh;
 use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::pipeline::findings::objections::Objection;
 use crate::pipeline::gcode::plan_gcode;
-use crate::pipeline::mesh::{FirstLayer, PartContext, highest_layer_mm, plan_part_in_pieces};
+use crate::pipeline::mesh::{FirstLayer, PartContext, plan_part_in_pieces};
 use crate::pipeline::packing::{JobFacts, JobPacking, job_header};
 use crate::pipeline::planned::{LaidPart, Planned};
 use crate::pipeline::surface::curved_layers::{Beside, plan_curved_layers};
@@ -340,7 +340,7 @@ pub(super) fn sliced(
     options: &Options,
     settings: &Settings,
 ) -> Result<(SlicedPart, Vec<String>), Error> {
-    let mut heights = LayerHeights {
+    let heights = LayerHeights {
         first_mm: (options.first_layer_height_mm).unwrap_or(settings.layer_height_mm),
         layer_mm: settings.layer_height_mm,
         ranges: Vec::new(),
@@ -348,15 +348,11 @@ pub(super) fn sliced(
     };
     let checked = heights.check();
     checked.map_err(|error| Error::Options(error.to_string()))?;
-    let is_first_free = options.first_layer_height_mm.is_none();
-    let followed = heights.follow(&loaded.heights, highest_layer_mm(settings), is_first_free);
     let sliced = sliced_carved(&loaded.mesh, &loaded.carved, &heights);
     let mut sliced = sliced.map_err(part_error)?;
     let layers = sliced.layers.iter_mut().map(|layer| &mut layer.regions);
     let told = copied(&mut layers.collect::<Vec<_>>(), options, settings)?;
-    sliced.take_objects(&loaded.objects, told.is_some());
     let mut notes = loaded.notes.clone();
-    notes.extend(followed);
     notes.extend(sliced.notes.iter().cloned().chain(told));
     Ok((sliced, notes))
 }

@@ -6,7 +6,6 @@
 //! fits, and so are those between ranges. The last layer is the last one whose middle is in the part: up
 //! to half a layer is lost or gained at the top.
 
-use super::object_settings::PartObject;
 use super::read::bounds_mm;
 use super::slice::{Section, Slicer};
 use super::{Carved, Mesh, MeshError};
@@ -48,51 +47,6 @@ impl LayerHeights {
             true => Ok(()),
             false => Err(MeshError::FirstLayerHeight { height_mm }),
         }
-    }
-
-    /// Takes the heights that a project asks for, where none are given and no layer is higher than `most_mm`, `None` for
-    /// machines that take one height only; `is_first_free` if the first layer has no height of its own. Returns a note on
-    /// what was done.
-    pub fn follow(
-        &mut self,
-        asked: &[HeightRange],
-        most_mm: Option<f64>,
-        is_first_free: bool,
-    ) -> Option<String> {
-        let first = asked.first()?;
-        let Some(most_mm) = most_mm else {
-            let what = "layer heights of the project are not followed: a machine whose joints wind up takes one height";
-            return Some(what.to_string());
-        };
-        let is_height = |range: &HeightRange| {
-            (LAYER_MM[0]..=LAYER_MM[1].min(most_mm)).contains(&range.layer_mm)
-                && (0.0..range.to_mm).contains(&range.from_mm)
-        };
-        let is_after = |pair: &[HeightRange]| pair[1].from_mm >= pair[0].to_mm;
-        let first_mm = match is_first_free && first.from_mm <= 0.0 {
-            true => first.fitted_mm(first.to_mm),
-            false => self.first_mm,
-        };
-        if !asked.iter().all(is_height) || !asked.windows(2).all(is_after) {
-            let most = Short((most_mm * 1e3).round() / 1e3);
-            return Some(format!(
-                "layer heights of the project are not followed: they are not ascending, or above the {most} mm that the \
-                 widest bead is wide: {}",
-                Self::asked_text(asked)
-            ));
-        }
-        self.first_mm = first_mm;
-        let beyond = asked.iter().filter(|range| range.to_mm > first_mm);
-        self.ranges = beyond.copied().collect();
-        Some("layer heights of the project are followed; --layer-heights replaces them".to_string())
-    }
-
-    fn asked_text(asked: &[HeightRange]) -> String {
-        let ranges = asked.iter().take(BANDS_TOLD).map(|range| {
-            let [from, to, layer] = [range.from_mm, range.to_mm, range.layer_mm].map(Short);
-            format!("{from}-{to}:{layer}")
-        });
-        ranges.collect::<Vec<_>>().join(",")
     }
 }
 
@@ -140,8 +94,6 @@ pub struct SlicedPart {
     pub layers: Vec<TargetLayer>,
     /// The numbers of those that are wanted.
     pub wanted: Range<u32>,
-    /// Objects with settings of their own.
-    pub objects: Vec<PartObject>,
     /// Where shells overlap.
     pub notes: Vec<String>,
 }
@@ -157,16 +109,6 @@ impl SlicedPart {
     /// The layers of the requested range.
     pub fn wanted_layers(&self) -> &[TargetLayer] {
         &self.layers[self.wanted.start as usize..self.wanted.end as usize]
-    }
-
-    /// Takes the objects with settings of their own; of copies only the first stands in its object's box.
-    pub fn take_objects(&mut self, objects: &[PartObject], is_copied: bool) {
-        if is_copied && !objects.is_empty() {
-            let note = "of several copies the objects' own settings are not followed";
-            self.notes.push(note.to_string());
-            return;
-        }
-        self.objects = objects.to_vec();
     }
 
     /// Areas times heights of these, mm³.
@@ -354,7 +296,6 @@ pub fn sliced_carved(
     let part = SlicedPart {
         layers,
         wanted,
-        objects: Vec::new(),
         notes,
     };
     let is_empty = |layer: &TargetLayer| layer.regions.is_empty();

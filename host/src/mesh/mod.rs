@@ -20,7 +20,6 @@ mod half_edges;
 pub mod height_map;
 pub mod layers;
 mod obj;
-pub mod object_settings;
 mod orient;
 pub mod patch;
 mod raw_mesh;
@@ -64,30 +63,6 @@ pub struct Carved {
 }
 
 impl Mesh {
-    /// A box between two corners.
-    pub(crate) fn cuboid(low: Point3, high: Point3) -> Mesh {
-        let corner = |i: usize| {
-            let of = |axis: usize| match i >> axis & 1 {
-                0 => low[axis],
-                _ => high[axis],
-            };
-            Point3::new(of(0), of(1), of(2))
-        };
-        let faces: [[u32; 4]; 6] = [
-            [0, 2, 3, 1],
-            [4, 5, 7, 6],
-            [0, 1, 5, 4],
-            [2, 6, 7, 3],
-            [0, 4, 6, 2],
-            [1, 3, 7, 5],
-        ];
-        let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
-        Mesh {
-            vertices: (0..8).map(corner).collect(),
-            triangles: faces.into_iter().flat_map(halves).collect(),
-        }
-    }
-
     /// Takes over the triangles of another mesh, with vertices of their own.
     fn append(&mut self, other: &Mesh) {
         let first = self.vertices.len() as u32;

@@ -3,10 +3,7 @@
 use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
-use super::layers::HeightRange;
-use super::object_settings::PartObject;
 use super::orient::{Reoriented, orient};
-use super::raw_mesh::RawObject;
 use super::surface_region::SurfaceRegion;
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
 use crate::text::short_number::Short;
@@ -66,10 +63,6 @@ pub struct LoadedMesh {
     pub mesh: Mesh,
     /// What a project cuts something away from.
     pub carved: Vec<Carved>,
-    /// Objects with settings of their own.
-    pub objects: Vec<PartObject>,
-    /// Layer heights that it asks for, upwards from its lowest point.
-    pub heights: Vec<HeightRange>,
     /// One line for each repair.
     pub notes: Vec<String>,
 }
@@ -97,12 +90,9 @@ pub fn read(
         mesh,
         carved,
         name: own_name,
-        mut notes,
-        objects,
-        heights,
+        notes,
         ..
     } = raw;
-    let objects = closed_objects(objects, &mut notes);
     let mut closing = Closing {
         notes,
         mended: Mended::default(),
@@ -119,8 +109,6 @@ pub fn read(
                 })
             })
             .collect::<Result<_, MeshError>>()?,
-        objects,
-        heights,
         notes: Vec::new(),
     };
     if loaded.solids().all(|mesh| mesh.triangles.is_empty()) {
@@ -129,20 +117,6 @@ pub fn read(
     let mut notes = closing.told();
     notes.extend(unit_note(&loaded).filter(|_| is_without_unit));
     Ok(LoadedMesh { notes, ..loaded })
-}
-
-/// Objects with their volumes closed, which may be larger than a part.
-fn closed_objects(objects: Vec<RawObject>, notes: &mut Vec<String>) -> Vec<PartObject> {
-    let mut closing = Closing::default();
-    let mut close = |mesh: Mesh| {
-        check_numbers(&mesh, 0)?;
-        mesh.vertices.iter().try_for_each(|p| check_place(*p))?;
-        closing.close(mesh)
-    };
-    let objects = objects.into_iter();
-    objects
-        .map(|object| object.closed(&mut close, notes))
-        .collect()
 }
 
 /// Volumes below which coordinates are more likely inches, and metres, than mm: the threshold of
@@ -306,22 +280,6 @@ fn read_raw(
     }
     if triangles == 0 {
         return Err(MeshError::Empty);
-    }
-    for point in raw.objects.iter_mut().flat_map(RawObject::points) {
-        let p = Point3::from(point.coords * factor);
-        *point = turn.iter().fold(p, |p, turn| turn(p));
-    }
-    if options.rotate_rad[..2].iter().any(|angle| *angle != 0.0) && !raw.heights.is_empty() {
-        raw.heights.clear();
-        raw.notes.push(
-            "layer heights of objects are not followed once these are turned over".to_string(),
-        );
-    }
-    // Heights are those of the part, layers those of the print.
-    let grown = factor / raw.unit_mm;
-    for range in &mut raw.heights {
-        range.from_mm *= grown;
-        range.to_mm *= grown;
     }
     check_size(raw.solids())?;
     Ok(raw)

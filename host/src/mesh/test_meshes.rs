@@ -5,7 +5,23 @@ use std::f64::consts::TAU;
 
 /// A box from its corner and size.
 pub(super) fn cuboid([x, y, z]: [f64; 3], [dx, dy, dz]: [f64; 3]) -> Mesh {
-    Mesh::cuboid(Point3::new(x, y, z), Point3::new(x + dx, y + dy, z + dz))
+    let corner = |i: usize| {
+        let of = |axis: usize, low: f64, size: f64| low + (i >> axis & 1) as f64 * size;
+        Point3::new(of(0, x, dx), of(1, y, dy), of(2, z, dz))
+    };
+    let faces: [[u32; 4]; 6] = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ];
+    let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
+    Mesh {
+        vertices: (0..8).map(corner).collect(),
+        triangles: faces.into_iter().flat_map(halves).collect(),
+    }
 }
 
 /// A body of revolution about z from its profile (radius, z), bottom to top, its ends on the axis;

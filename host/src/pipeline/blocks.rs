@@ -8,7 +8,7 @@ use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region};
 use crate::job::transform::PartTransform;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
-use crate::pipeline::part_body::{PartBodies, Share, shares};
+use crate::pipeline::part_body::PartBody;
 use crate::pipeline::piece::{Piece, PieceCache, key_of};
 use crate::pipeline::stack::{Stack, plan_stack};
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
@@ -36,8 +36,8 @@ const LAYERS_AT_A_TIME: usize = 64;
 pub(super) struct Blocks<'a> {
     /// By layer.
     pub outlines: &'a [&'a [Region]],
-    /// What is filled alike.
-    pub bodies: &'a PartBodies<'a>,
+    /// What is inside its walls.
+    pub body: &'a PartBody<'a>,
     keep_out: Vec<Region>,
     /// Where the part goes.
     pub transform: PartTransform,
@@ -59,7 +59,7 @@ pub(super) struct Block<'a> {
     pub layers: Range<u32>,
 }
 
-/// Hands a part's blocks to `planned`, with a note on settings of objects that are not followed.
+/// Hands a part's blocks to `planned`.
 ///
 /// # Errors
 /// [`PlanError`], also of `planned`.
@@ -68,7 +68,7 @@ pub(super) fn with_blocks<T>(
     keep_out: &[Region],
     first: FirstLayer,
     settings: &Settings,
-    planned: impl FnOnce(&Blocks, Option<String>) -> Result<T, PlanError>,
+    planned: impl FnOnce(&Blocks) -> Result<T, PlanError>,
 ) -> Result<T, PlanError> {
     settings.check()?;
     let is_like_others =
@@ -77,17 +77,12 @@ pub(super) fn with_blocks<T>(
         return Err(PlanError::FirstLayerWinds);
     }
     let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
-    let (shares, unfollowed) = shares(part, settings);
-    let shares: Vec<(&Share, Vec<&[Region]>)> = shares
-        .iter()
-        .map(|share| (share, share.outlines()))
-        .collect();
-    let bodies = PartBodies::new(&outlines, &shares, &part.wanted, settings);
+    let body = PartBody::new(&outlines, &part.wanted, settings);
     let transform = place(part, settings)?;
     let wanted = part.wanted_layers();
     let blocks = Blocks {
         outlines: &outlines,
-        bodies: &bodies,
+        body: &body,
         keep_out: with_shadows(keep_out, &transform, settings),
         transform,
         first,
@@ -95,7 +90,7 @@ pub(super) fn with_blocks<T>(
         wanted: wanted.len(),
         settings,
     };
-    planned(&blocks, unfollowed)
+    planned(&blocks)
 }
 
 impl Blocks<'_> {
@@ -105,7 +100,7 @@ impl Blocks<'_> {
         let lowest = rest.first()?;
         let is_first = Some(lowest.number) == self.lowest;
         let own = settings_of(lowest, self.first, settings);
-        let (stack, used) = gather(rest, self.bodies, &self.keep_out, &own, self.transform);
+        let (stack, used) = gather(rest, self.body, &self.keep_out, &own, self.transform);
         let before = self.wanted - rest.len();
         let (block, left) = rest.split_at(used);
         *rest = left;
@@ -151,11 +146,6 @@ fn may_divide(settings: &Settings) -> bool {
     winds(&settings.machine.kinematics) == 0
 }
 
-/// The highest layer that the widest bead can print; `None` where joints wind up, and all layers are of one height.
-pub fn highest_layer_mm(settings: &Settings) -> Option<f64> {
-    may_divide(settings).then(|| 2.0 * settings.aperture.major_mm())
-}
-
 fn is_as_high(layer: &TargetLayer, settings: &Settings) -> bool {
     (layer.height_mm - settings.layer_height_mm).abs() < 1e-9
 }
@@ -196,7 +186,7 @@ fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> S
 /// The next layers of the same settings, as many as are planned at a time, and how many they are.
 fn gather<'a>(
     layers: &'a [TargetLayer],
-    bodies: &'a PartBodies,
+    body: &PartBody,
     keep_out: &'a [Region],
     settings: &Settings,
     transform: PartTransform,
@@ -236,8 +226,7 @@ fn gather<'a>(
         if layer.regions.is_empty() {
             continue;
         }
-        let own = bodies.walled(layer.number);
-        let own = own.unwrap_or(&layer.regions);
+        let own = layer.regions.as_slice();
         let outline = known.iter().position(|known| *known == own);
         let outline = outline.unwrap_or_else(|| {
             known.push(own);
@@ -248,12 +237,8 @@ fn gather<'a>(
         });
         let area = |regions: &[Region]| regions.iter().map(Region::area_mm2).sum::<f64>();
         stack.kept_out_mm2 += area(own) - area(&stack.outlines[outline]);
-        let (inside, objects) = bodies.inside(layer.number);
-        let kind = LayerKind {
-            outline,
-            inside,
-            objects,
-        };
+        let inside = body.inside(layer.number);
+        let kind = LayerKind { outline, inside };
         let known_kind = stack.kinds.iter().position(|known| *known == kind);
         let kind_number = known_kind.unwrap_or(stack.kinds.len());
         if known_kind.is_none() {

@@ -13,8 +13,8 @@ use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::mesh::layers::SlicedPart;
+pub use crate::pipeline::blocks::FirstLayer;
 use crate::pipeline::blocks::{Block, Blocks, with_blocks};
-pub use crate::pipeline::blocks::{FirstLayer, highest_layer_mm};
 use crate::pipeline::links::Chain;
 use crate::pipeline::open_ground;
 pub use crate::pipeline::piece::PLACES_MAX;
@@ -42,8 +42,6 @@ pub struct PartPlan {
     pub overhangs: Vec<Overhang>,
     /// Bridges that span much.
     pub roofs: Roofs,
-    /// Objects whose settings cannot be followed.
-    pub unfollowed: Option<String>,
     /// Uncovered area without tiny parts, over all layers.
     pub open_mm2: f64,
 }
@@ -100,8 +98,8 @@ pub fn plan_part_in_pieces(
     settings: &Settings,
     context: PartContext,
 ) -> Result<PartPlan, PlanError> {
-    with_blocks(part, keep_out, first, settings, |blocks, unfollowed| {
-        planned_in_blocks(part, blocks, unfollowed, context)
+    with_blocks(part, keep_out, first, settings, |blocks| {
+        planned_in_blocks(part, blocks, context)
     })
 }
 
@@ -109,15 +107,13 @@ pub fn plan_part_in_pieces(
 fn planned_in_blocks(
     part: &SlicedPart,
     blocks: &Blocks,
-    unfollowed: Option<String>,
     context: PartContext,
 ) -> Result<PartPlan, PlanError> {
     let settings = blocks.settings;
     let mut planned = PartPlan {
         transform: blocks.transform,
         overhangs: hanging(blocks, &part.wanted),
-        roofs: blocks.bodies.roofs(),
-        unfollowed,
+        roofs: blocks.body.roofs.clone(),
         ..PartPlan::default()
     };
     let mut chain = Chain::default();
@@ -167,15 +163,15 @@ impl PartPlan {
 
 /// What hangs on each of the wanted layers: over nothing, and not bridged.
 fn hanging(blocks: &Blocks, wanted: &Range<u32>) -> Vec<Overhang> {
-    let (bodies, reach_mm) = (blocks.bodies, blocks.settings.aperture.major_mm());
+    let (body, reach_mm) = (blocks.body, blocks.settings.aperture.major_mm());
     let unheld = |layer: usize| match wanted.contains(&(layer as u32)) {
-        true => bodies.unheld(layer),
+        true => body.unheld(layer),
         false => Vec::new(),
     };
     overhangs(
         blocks.outlines,
         unheld,
-        |layer| bodies.bridged(layer),
+        |layer| body.bridged(layer),
         reach_mm,
     )
 }

@@ -26,7 +26,6 @@ mod outline;
 pub mod packing;
 pub mod page;
 pub mod part_body;
-mod part_zones;
 pub mod pass_facts;
 pub mod piece;
 mod placed_passes;

@@ -39,12 +39,6 @@ impl Roofs {
         (settled, roofs)
     }
 
-    /// Adds those of another part of the job.
-    pub fn add(&mut self, other: Roofs) {
-        self.wide.extend(other.wide);
-        self.denser = self.denser.or(other.denser);
-    }
-
     /// Notes for the user.
     pub fn notes(&self, settings: &Settings) -> Vec<String> {
         let most = mm(settings.longest_bridge_mm());

@@ -46,7 +46,7 @@ pub fn plan_shard(
     (cache, program): (&mut dyn PieceCache, &str),
     progress: &dyn Progress,
 ) -> Result<(Vec<ShardBlock>, usize), PlanError> {
-    with_blocks(part, keep_out, first, settings, |blocks, _| {
+    with_blocks(part, keep_out, first, settings, |blocks| {
         let wanted = part.wanted_layers();
         let (mut rest, mut done, mut number) = (wanted, Vec::new(), 0);
         while let Some(block) = blocks.next(&mut rest) {

@@ -2,7 +2,7 @@
 
 use crate::cli::args::inspect::InspectArgs;
 use crate::cli::error::CliError;
-use crate::cli::reading::layer_options::{follow_heights, layer_heights};
+use crate::cli::reading::layer_options::layer_heights;
 use crate::cli::reading::{job, load};
 use crate::cli::terminal::console::Console;
 use crate::gcode::GcodeProgram;
@@ -51,11 +51,9 @@ pub(crate) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError>
 
 /// A mesh as it is cut.
 fn mesh(args: &InspectArgs, loaded: &LoadedMesh, console: &Console) -> Result<(), CliError> {
-    let mut heights = layer_heights(&args.layers, args.layer_height)?;
-    let followed = follow_heights(&mut heights, loaded, &args.layers, Some(f64::INFINITY));
-    let mut part = sliced_carved(&loaded.mesh, &loaded.carved, &heights)
+    let heights = layer_heights(&args.layers, args.layer_height)?;
+    let part = sliced_carved(&loaded.mesh, &loaded.carved, &heights)
         .map_err(|error| CliError::Job(format!("{}: {error}", args.file.display())))?;
-    part.notes.splice(0..0, followed);
     console.notes(&part.notes);
     if args.json {
         return console.result(&format!("{:#}\n", mesh_json(loaded, &part)));

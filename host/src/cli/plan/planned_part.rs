@@ -4,7 +4,7 @@ use crate::cli::args::PlaceArgs;
 use crate::cli::error::CliError;
 use crate::cli::plan::piece_cache::{CacheFolder, program};
 use crate::cli::plan::planned::plan_error;
-use crate::cli::reading::layer_options::{check_bead_height, follow_heights, layer_heights};
+use crate::cli::reading::layer_options::{check_bead_height, layer_heights};
 use crate::cli::reading::{copies, load};
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::end_whole_on_interrupt;
@@ -13,9 +13,7 @@ use crate::job::SegmentStream;
 use crate::mesh::LoadedMesh;
 use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::pipeline::PlanError;
-use crate::pipeline::mesh::{
-    FirstLayer, PartContext, PartPlan, highest_layer_mm, plan_part_in_pieces,
-};
+use crate::pipeline::mesh::{FirstLayer, PartContext, PartPlan, plan_part_in_pieces};
 use crate::pipeline::packing::JobPacking;
 use crate::pipeline::piece::PieceCache;
 use crate::pipeline::planned::{LaidPart, Planned};
@@ -85,15 +83,12 @@ pub(crate) fn sliced(
     settings: &Settings,
     console: &Console,
 ) -> Result<(SlicedPart, FirstLayer), CliError> {
-    let mut heights = layer_heights(&place.layers, settings.layer_height_mm)?;
-    let most_mm = highest_layer_mm(settings);
-    let followed = follow_heights(&mut heights, loaded, &place.layers, most_mm);
+    let heights = layer_heights(&place.layers, settings.layer_height_mm)?;
     check_bead_height(&heights, settings)?;
     let first = FirstLayer {
         speed_mm_s: load::first_layer_speed(place, settings)?,
     };
-    let mut part = cut(path, loaded, &heights, place, settings, console)?;
-    part.notes.splice(0..0, followed);
+    let part = cut(path, loaded, &heights, place, settings, console)?;
     console.notes(&part.notes);
     Ok((part, first))
 }
@@ -113,7 +108,6 @@ fn cut(
     let mut part = part.map_err(failed)?;
     let layers = part.layers.iter_mut().map(|layer| &mut layer.regions);
     let told = copies::spread(place, layers, settings)?;
-    part.take_objects(&loaded.objects, told.is_some());
     part.notes.extend(told);
     bar.finish_and_clear();
     Ok(part)

@@ -2,7 +2,6 @@
 
 use crate::cli::args::LayerArgs;
 use crate::cli::error::CliError;
-use crate::mesh::LoadedMesh;
 use crate::mesh::layers::{HeightRange, LAYER_MM, LayerHeights};
 use crate::settings::Settings;
 
@@ -30,22 +29,6 @@ pub(crate) fn layer_heights(args: &LayerArgs, layer_mm: f64) -> Result<LayerHeig
         ranges,
         range,
     })
-}
-
-/// Takes the heights that a project asks for, where the options give none and the machine can; a note on what was done.
-pub(crate) fn follow_heights(
-    heights: &mut LayerHeights,
-    loaded: &LoadedMesh,
-    args: &LayerArgs,
-    most_mm: Option<f64>,
-) -> Option<String> {
-    if loaded.heights.is_empty() {
-        return None;
-    }
-    match args.layer_heights {
-        Some(_) => Some("--layer-heights replaces the layer heights of the project".to_string()),
-        None => heights.follow(&loaded.heights, most_mm, args.first_layer_height.is_none()),
-    }
 }
 
 /// Heights that the nozzle can print: no bead is higher than the widest one is wide.

@@ -7,15 +7,12 @@
 //! Slicers store objects in separate model files next to the one with the build: a component names the
 //! file; otherwise an object that is missing in its own model is searched for in the others. Volumes that
 //! are not material (modifiers, support blockers and enforcers) are omitted, negative ones are subtracted
-//! from their object. Walls, density, solid layers and speeds of objects, of their volumes and of ranges of heights are
-//! followed, and seams and layer heights of objects; other settings of a project are not applied, and reported. Where a
-//! region of the mesh is asked for, its triangles keep the names of the objects and volumes they are of, and their colours.
+//! from their object. Settings of a project are not applied, and reported. Where a region of the mesh is asked for, its
+//! triangles keep the names of the objects and volumes they are of, and their colours.
 //! Not covered: materials and textures.
 
 mod model;
-mod own_settings;
 mod package;
-mod ranges;
 mod roles;
 #[cfg(test)]
 mod tests;
@@ -23,13 +20,11 @@ mod transform;
 mod unfollowed;
 mod xml;
 
-use super::object_settings::{OwnSettings, Zone};
 use super::read::{RawMesh, TRIANGLES_MAX, syntax};
 use super::{Mesh, MeshError};
 use model::{Item, Model, Object, Transform, UNMOVED};
-use own_settings::{Asked, PlacedObject};
 use package::{Files, files};
-use roles::{KeyValues, Role, Roles};
+use roles::{Role, Roles};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use transform::{append, chained};
@@ -48,7 +43,6 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
     let Files {
         models,
         roles,
-        ranges,
         unfollowed,
     } = &files;
     let mut builds = models.iter().filter(|model| !model.items.is_empty());
@@ -75,9 +69,6 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
     let Built {
         mesh,
         carved,
-        placed,
-        loose,
-        loose_ids,
         groups,
         colours,
     } = placing.built(root, &items)?;
@@ -90,11 +81,12 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
     }
     placing.aside.switched_off = root.items.len() - items.len();
     let objects = placing.placed_objects();
-    let asked = Asked::of((placed, &loose, loose_ids), ranges, root, roles);
-    notes.extend(asked.entangled);
-    let others = unfollowed::notes(unfollowed, &placing.aside, roles, (&objects, &asked.ids));
-    notes.extend(others);
-    notes.extend(asked.ranges_notes);
+    notes.extend(unfollowed::notes(
+        unfollowed,
+        &placing.aside,
+        roles,
+        &objects,
+    ));
     let named = root.objects.iter().find_map(|o| o.name.clone());
     Ok(RawMesh {
         mesh,
@@ -104,8 +96,6 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
         notes,
         groups: owned(groups),
         triangle_colours: colours,
-        objects: asked.objects.into_iter().map(PlacedObject::told).collect(),
-        heights: asked.heights,
         ..RawMesh::default()
     })
 }
@@ -116,10 +106,6 @@ struct Built<'a> {
     mesh: Mesh,
     /// Items from which volumes are cut, with these.
     carved: Vec<(Mesh, Mesh)>,
-    placed: Vec<PlacedObject>,
-    /// Modifiers of no object, and the objects that they are.
-    loose: Vec<Zone>,
-    loose_ids: Vec<usize>,
     /// Runs of the mesh's triangles by name.
     groups: BTreeMap<&'a str, Vec<Range<usize>>>,
     colours: Vec<Option<[u8; 3]>>,
@@ -130,17 +116,9 @@ impl<'a> Placing<'a> {
     fn built(&mut self, root: &'a Model, items: &[&'a Item]) -> Result<Built<'a>, MeshError> {
         let mut built = Built::default();
         for item in items {
-            self.add(item, root, &Place::of(self.kept(item, root).0))?;
+            self.add(item, root, &Place::of(self.kept(item, root)))?;
             let body = std::mem::take(&mut self.item);
             let Body { solid, cut, .. } = body;
-            if solid.triangles.is_empty() {
-                built.loose.extend(body.zones);
-                built.loose_ids.extend(body.modifiers);
-            } else {
-                let own = (&solid, body.zones, body.modifiers);
-                let kept = self.kept(item, root);
-                built.placed.push(PlacedObject::new(kept, self.roles, own));
-            }
             if !cut.triangles.is_empty() && !solid.triangles.is_empty() {
                 built.carved.push((solid, cut));
                 continue;
@@ -173,10 +151,6 @@ fn problem(what: &str) -> MeshError {
 struct Body<'a> {
     solid: Mesh,
     cut: Mesh,
-    /// Volumes with settings of their own, and material after them.
-    zones: Vec<Zone>,
-    /// Objects that are modifiers by their own settings.
-    modifiers: Vec<usize>,
     /// Runs of the solid's triangles by the names of what they are of.
     named: Vec<(&'a str, Range<usize>)>,
     /// Colours of the solid's triangles.
@@ -185,24 +159,21 @@ struct Body<'a> {
 
 /// Where an object is placed.
 #[derive(Clone, Copy)]
-struct Place<'a> {
+struct Place {
     /// The object of the build that it is part of.
     top: usize,
     transform: Transform,
     /// What the objects around it are.
     role: Role,
-    /// What the volume that it is of asks for.
-    own: Option<&'a KeyValues>,
     depth: usize,
 }
 
-impl Place<'_> {
-    fn of(top: usize) -> Place<'static> {
+impl Place {
+    fn of(top: usize) -> Place {
         Place {
             top,
             transform: UNMOVED,
             role: Role::Part,
-            own: None,
             depth: 0,
         }
     }
@@ -244,22 +215,17 @@ impl<'a> Placing<'a> {
         std::iter::once(model).chain(others).find_map(in_model)
     }
 
-    /// The number under which settings of an item's object are kept, and that object. PrusaSlicer makes an object of each
-    /// further instance, with the first one as its only component.
-    fn kept(&self, item: &Item, root: &'a Model) -> (usize, Option<&'a Object>) {
-        let Some((object, model)) = self.object(item, root) else {
-            return (item.object, None);
-        };
-        match object.first_instance() {
-            Some(first) if !self.roles.objects.contains_key(&item.object) => {
-                let base = self.object(first, model).map(|(object, _)| object);
-                (first.object, base)
-            }
-            _ => (item.object, Some(object)),
+    /// The number under which volumes of an item's object are kept. A further instance may be an object that has the first
+    /// one as its only component.
+    fn kept(&self, item: &Item, root: &'a Model) -> usize {
+        let object = self.object(item, root).map(|(object, _)| object);
+        match object.and_then(Object::first_instance) {
+            Some(first) if !self.roles.objects.contains_key(&item.object) => first.object,
+            _ => item.object,
         }
     }
 
-    fn add(&mut self, item: &Item, model: &'a Model, outer: &Place<'a>) -> Result<(), MeshError> {
+    fn add(&mut self, item: &Item, model: &'a Model, outer: &Place) -> Result<(), MeshError> {
         let (id, max) = (item.object, DEPTH_MAX);
         if outer.depth > max {
             return Err(MeshError::TooDeep { id, max });
@@ -278,10 +244,6 @@ impl<'a> Placing<'a> {
             role: match own_role {
                 Role::Part => object.role(),
                 role => role,
-            },
-            own: match (own_role, object.role()) {
-                (Role::Part, Role::Modifier) => Some(&object.settings),
-                _ => volume.map(|volume| &volume.settings).or(outer.own),
             },
             ..*outer
         };
@@ -314,7 +276,7 @@ impl<'a> Placing<'a> {
     fn add_object(
         &mut self,
         object: &'a Object,
-        place: &Place<'a>,
+        place: &Place,
         name: Option<&'a String>,
     ) -> Result<(), MeshError> {
         if self.only_counts {
@@ -338,17 +300,7 @@ impl<'a> Placing<'a> {
             let name = volume.name.as_ref();
             let role = volume.role;
             self.add_triangles(object, next..first, place, None);
-            let own = Some(&volume.settings);
-            self.add_triangles(
-                object,
-                first..end,
-                &Place {
-                    role,
-                    own,
-                    ..*place
-                },
-                name,
-            );
+            self.add_triangles(object, first..end, &Place { role, ..*place }, name);
             next = end.max(next);
         }
         self.add_triangles(object, next..all.end, place, None);
@@ -374,7 +326,7 @@ impl<'a> Placing<'a> {
         &mut self,
         object: &'a Object,
         triangles: Range<usize>,
-        place: &Place<'a>,
+        place: &Place,
         name: Option<&'a String>,
     ) {
         if triangles.is_empty() {
@@ -396,7 +348,6 @@ impl<'a> Placing<'a> {
             let colour = |triangle: usize| object.colours.get(triangle).copied().flatten();
             colours.extend(triangles.clone().map(colour));
         }
-        self.add_zone(object, triangles.clone(), place, name);
         let mesh = match place.role {
             Role::Part => &mut self.item.solid,
             Role::Negative => &mut self.item.cut,
@@ -409,38 +360,6 @@ impl<'a> Placing<'a> {
         if place.role == Role::Negative {
             self.aside.push(place.role, name);
         }
-    }
-
-    /// The same triangles as a volume with settings of its own, if they are one: a modifier, or material of an object of
-    /// several volumes.
-    fn add_zone(
-        &mut self,
-        object: &'a Object,
-        triangles: Range<usize>,
-        place: &Place<'a>,
-        name: Option<&'a String>,
-    ) {
-        let mut own = OwnSettings::default();
-        own.take_all(place.own.map_or(&[], Vec::as_slice), false);
-        let is_zone = match place.role {
-            Role::Modifier => !own.is_empty(),
-            Role::Part => self.roles.has_parts(place.top),
-            _ => false,
-        };
-        if !is_zone {
-            return;
-        }
-        let mut mesh = Mesh::default();
-        append(&mut mesh, object, triangles, &place.transform);
-        if place.role == Role::Modifier {
-            self.item.modifiers.push(object.id);
-        }
-        self.item.zones.push(Zone {
-            name: name.cloned(),
-            mesh,
-            own,
-            is_part: place.role == Role::Part,
-        });
     }
 
     /// The objects that were placed, each once.

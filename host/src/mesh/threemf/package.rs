@@ -1,9 +1,8 @@
 //! The files of a 3MF package: its models, and the slicers' own files. Limits the unpacked size.
 
 use super::model::{Model, read_model};
-use super::ranges::Ranges;
 use super::roles::{Roles, read_roles};
-use super::unfollowed::{self, PROFILES, RANGES, Unfollowed};
+use super::unfollowed::{self, Unfollowed};
 use super::{FORMAT, PARTS_MAX, problem};
 use crate::mesh::MeshError;
 use crate::mesh::read::syntax;
@@ -20,7 +19,6 @@ const NOTES_MAX: u64 = 1 << 24;
 pub(super) struct Files {
     pub models: Vec<Model>,
     pub roles: Roles,
-    pub ranges: Ranges,
     pub unfollowed: Unfollowed,
 }
 
@@ -41,18 +39,11 @@ pub(super) fn files(bytes: &[u8]) -> Result<Files, MeshError> {
             files.models.push(model);
             continue;
         }
-        let is_ranges = RANGES.contains(&name.as_str());
-        let is_profile = PROFILES.contains(&name.as_str());
-        let is_kept = is_roles(&name) || is_ranges || is_profile;
-        if !is_kept && !unfollowed::is_known(&name) {
+        if !is_roles(&name) && !unfollowed::is_known(&name) {
             continue;
         }
         let text = whole(file, &name)?;
-        if is_ranges {
-            files.ranges.read(&text)?;
-        } else if is_profile {
-            files.ranges.read_profiles(&text);
-        } else if is_roles(&name) {
+        if is_roles(&name) {
             files.roles = read_roles(&text)?;
         } else {
             files.unfollowed.read(&name, &text)?;

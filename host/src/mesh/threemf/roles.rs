@@ -1,4 +1,4 @@
-//! Roles and settings of an object's volumes, which slicers store outside the model.
+//! Roles of an object's volumes, which slicers store outside the model, and which of them have settings.
 //!
 //! PrusaSlicer divides an object's triangles into volumes (`Metadata/Slic3r_PE_model.config`), Bambu Studio
 //! and OrcaSlicer name the components of an object (`Metadata/model_settings.config`), Cura gives settings
@@ -84,15 +84,15 @@ pub(super) struct Volume {
     pub triangles: Option<[usize; 2]>,
     pub role: Role,
     pub name: Option<String>,
-    /// What differs from the print's settings.
-    pub settings: KeyValues,
+    /// Something differs from the print's settings.
+    pub has_settings: bool,
 }
 
 /// The stored data of an object.
 #[derive(Debug, Default)]
 pub(super) struct ObjectNotes {
     pub name: Option<String>,
-    pub settings: KeyValues,
+    pub has_settings: bool,
     pub volumes: Vec<Volume>,
 }
 
@@ -108,19 +108,6 @@ impl Roles {
     pub fn component(&self, object: usize, component: usize) -> Option<&Volume> {
         let mut volumes = self.objects.get(&object)?.volumes.iter();
         volumes.find(|volume| volume.component == Some(component))
-    }
-
-    /// True if several volumes of an object are material, and one of them has settings.
-    pub fn has_parts(&self, object: usize) -> bool {
-        let volumes = self.objects.get(&object).into_iter();
-        let volumes = volumes.flat_map(|object| &object.volumes);
-        let parts = volumes.filter(|volume| volume.role == Role::Part);
-        let (mut count, mut asks) = (0, false);
-        for part in parts {
-            count += 1;
-            asks |= !part.settings.is_empty();
-        }
-        count > 1 && asks
     }
 
     /// The volumes that an object's triangles are divided into, by their first one.
@@ -210,7 +197,7 @@ impl Reading {
     }
 
     fn metadata(&mut self, key: String, value: String) {
-        let (name, settings) = match (&mut self.volume, &mut self.object) {
+        let (name, has_settings) = match (&mut self.volume, &mut self.object) {
             (Some(volume), _) => {
                 match key.as_str() {
                     "volume_type" => volume.role = Role::of_word(&value),
@@ -220,15 +207,15 @@ impl Reading {
                     }
                     _ => {}
                 }
-                (&mut volume.name, &mut volume.settings)
+                (&mut volume.name, &mut volume.has_settings)
             }
-            (None, Some((_, object))) => (&mut object.name, &mut object.settings),
+            (None, Some((_, object))) => (&mut object.name, &mut object.has_settings),
             (None, None) => return,
         };
         if key == "name" {
             *name = Some(value);
-        } else if is_setting(&key, &value) {
-            settings.push((key, value));
+        } else {
+            *has_settings |= is_setting(&key, &value);
         }
     }
 }

@@ -2,10 +2,9 @@
 //! dropped silently.
 
 use super::model::{Object, Painted, paint_names};
-use super::roles::{KeyValues, ObjectNotes, Role, Roles};
+use super::roles::{Role, Roles};
 use super::xml::{Part, read};
 use crate::mesh::MeshError;
-use crate::mesh::object_settings::OwnSettings;
 use std::collections::BTreeSet;
 
 /// Entries of a list that are reported one by one.
@@ -14,7 +13,7 @@ const TOLD_MAX: usize = 8;
 const CHARS_MAX: usize = 600;
 
 /// Heights of an object, and the settings there.
-pub(super) const RANGES: [&str; 3] = [
+const RANGES: [&str; 3] = [
     "Metadata/Slic3r_PE_layer_config_ranges.xml",
     "Metadata/Prusa_Slicer_layer_config_ranges.xml",
     "Metadata/layer_config_ranges.xml",
@@ -25,7 +24,7 @@ const CODES: [&str; 2] = [
     "Metadata/custom_gcode_per_layer.xml",
 ];
 /// Layer heights that change steadily.
-pub(super) const PROFILES: [&str; 2] = [
+const PROFILES: [&str; 2] = [
     "Metadata/Slic3r_PE_layer_heights_profile.txt",
     "Metadata/layer_heights_profile.txt",
 ];
@@ -41,12 +40,15 @@ pub(super) struct Unfollowed {
     /// What, and at which height, mm.
     codes: Vec<(String, String)>,
     has_project: bool,
+    /// Something is set by height.
+    has_heights: bool,
 }
 
 /// True for files that [`Unfollowed::read`] knows.
 pub(super) fn is_known(name: &str) -> bool {
     let is_cura = name.starts_with("Cura/");
-    is_cura || CODES.contains(&name) || PROJECTS.contains(&name)
+    let is_heights = RANGES.contains(&name) || PROFILES.contains(&name);
+    is_cura || is_heights || CODES.contains(&name) || PROJECTS.contains(&name)
 }
 
 impl Unfollowed {
@@ -54,6 +56,13 @@ impl Unfollowed {
     pub fn read(&mut self, name: &str, text: &[u8]) -> Result<(), MeshError> {
         if CODES.contains(&name) {
             self.read_codes(text)?;
+        } else if RANGES.contains(&name) {
+            read(text, |part| {
+                self.has_heights |= matches!(part, Part::Open(tag) if tag.name() == "range");
+                Ok(())
+            })?;
+        } else if PROFILES.contains(&name) {
+            self.has_heights |= text.contains(&b'|');
         } else {
             self.has_project = true;
         }
@@ -107,7 +116,7 @@ impl Unfollowed {
 }
 
 /// Entries of a list, up to a bound, and the number of others.
-pub(super) fn told(entries: impl Iterator<Item = String>, between: &str) -> String {
+fn told(entries: impl Iterator<Item = String>, between: &str) -> String {
     let mut entries: Vec<String> = entries.collect();
     let more = entries.len().saturating_sub(TOLD_MAX);
     if more > 0 {
@@ -119,11 +128,6 @@ pub(super) fn told(entries: impl Iterator<Item = String>, between: &str) -> Stri
         Some((end, _)) => format!("{}...", &text[..end]),
         None => text,
     }
-}
-
-pub(super) fn settings_text(settings: &[(String, String)]) -> String {
-    let settings = settings.iter().map(|(key, value)| format!("{key} {value}"));
-    told(settings, ", ")
 }
 
 /// Volumes that are no material, and items that are switched off, each time that one is placed.
@@ -181,87 +185,35 @@ impl Aside {
     }
 }
 
-/// What settings are kept with.
-#[derive(Clone, Copy)]
-enum Whose {
-    /// An object, or its only volume.
-    Object,
-    /// A modifier, or one of several volumes of material.
-    Volume(Role),
-    /// What has no settings of its own to follow.
-    Aside(Role),
-}
-
-impl Whose {
-    fn of(role: Role) -> Whose {
-        match role {
-            Role::Part => Whose::Object,
-            Role::Modifier => Whose::Volume(role),
-            role => Whose::Aside(role),
-        }
-    }
-}
-
-/// Settings of objects and volumes, each with its name: those that are followed, and the others. `followed` are the
-/// objects whose settings are, where they can be.
-fn object_settings(roles: &Roles, objects: &[&Object], followed: &BTreeSet<usize>) -> Vec<String> {
-    let mut ids: Vec<&usize> = roles.objects.keys().collect();
-    ids.sort();
-    let mut found: [Vec<String>; 2] = Default::default();
-    let mut push = |id: usize, of: Whose, name: Option<&String>, settings: &[(String, String)]| {
-        let can = followed.contains(&id) && !matches!(of, Whose::Aside(_));
-        let is_object = matches!(of, Whose::Object);
-        let settings = settings.iter().cloned();
-        let (own, others): (KeyValues, KeyValues) =
-            settings.partition(|(key, value)| can && OwnSettings::follows(key, value, is_object));
-        let what = match of {
-            Whose::Object => "an object",
-            Whose::Volume(role) | Whose::Aside(role) => role.names()[0],
-        };
-        let name = name.map_or(what, String::as_str);
-        for (found, settings) in found.iter_mut().zip([own, others]) {
-            if !settings.is_empty() {
-                found.push(format!("{name}: {}", settings_text(&settings)));
-            }
-        }
+/// The note on settings of objects, of their volumes and of ranges of heights, if there are any.
+fn own_settings(roles: &Roles, objects: &[&Object], has_heights: bool) -> Option<String> {
+    let kept = roles.objects.values();
+    let kept = kept.flat_map(|object| {
+        let volumes = object.volumes.iter().map(|volume| volume.has_settings);
+        volumes.chain([object.has_settings])
+    });
+    let is_setting = |key: &str| {
+        let is_role = key.ends_with("_mesh");
+        !is_role && !matches!(key, "drop_to_buildplate" | "print_order" | "extruder_nr")
     };
-    for id in ids {
-        let ObjectNotes {
-            name,
-            settings,
-            volumes,
-        } = &roles.objects[id];
-        push(*id, Whose::Object, name.as_ref(), settings);
-        let parts = volumes.iter().filter(|volume| volume.role == Role::Part);
-        let is_alone = parts.count() == 1;
-        for volume in volumes {
-            let whose = match Whose::of(volume.role) {
-                Whose::Object if !is_alone => Whose::Volume(volume.role),
-                whose => whose,
-            };
-            push(*id, whose, volume.name.as_ref(), &volume.settings);
-        }
-    }
-    for object in objects {
-        let is_setting = |key: &str| {
-            let is_role = key.ends_with("_mesh");
-            !is_role && !matches!(key, "drop_to_buildplate" | "print_order" | "extruder_nr")
-        };
-        let settings: Vec<(String, String)> = object
-            .settings
-            .iter()
-            .filter(|(key, _)| is_setting(key))
-            .cloned()
-            .collect();
-        let whose = Whose::of(object.role());
-        push(object.id, whose, object.name.as_ref(), &settings);
-    }
-    let [own, others] =
-        found.map(|found| (!found.is_empty()).then(|| told(found.into_iter(), "; ")));
-    let own = own.map(|own| format!("settings of objects and modifiers that are followed: {own}"));
-    let others = others
-        .map(|others| format!("settings of objects and modifiers are not followed: {others}"));
-    own.into_iter().chain(others).collect()
+    // Cura's.
+    let of_meshes = objects
+        .iter()
+        .map(|object| object.settings.iter().any(|(key, _)| is_setting(key)));
+    let count = kept.chain(of_meshes).filter(|has| *has).count();
+    let own = match count {
+        0 => None,
+        1 => Some("1 object or modifier".to_string()),
+        count => Some(format!("{count} objects and modifiers")),
+    };
+    let by_height = has_heights.then(|| "height ranges".to_string());
+    let whose: Vec<String> = own.into_iter().chain(by_height).collect();
+    (!whose.is_empty()).then(|| {
+        format!(
+            "settings of {} are not followed: give layer heights, walls, infill and speeds as options",
+            whose.join(" and of ")
+        )
+    })
 }
 
 fn painted(painted: &Painted) -> Option<String> {
@@ -280,7 +232,7 @@ pub(super) fn notes(
     unfollowed: &Unfollowed,
     aside: &Aside,
     roles: &Roles,
-    (objects, followed): (&[&Object], &BTreeSet<usize>),
+    objects: &[&Object],
 ) -> Vec<String> {
     let mut all: Painted = Painted::default();
     for object in objects {
@@ -295,7 +247,7 @@ pub(super) fn notes(
             roles.plates
         ));
     }
-    notes.extend(object_settings(roles, objects, followed));
+    notes.extend(own_settings(roles, objects, unfollowed.has_heights));
     notes.extend(painted(&all));
     notes.extend(unfollowed.notes());
     notes

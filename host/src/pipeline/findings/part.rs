@@ -162,7 +162,6 @@ fn warnings(part: &SlicedPart, planned: &PartPlan, settings: &Settings) -> Vec<S
     let top_mm = |layer: u32| Some(part.layers.get(layer as usize)?.top_mm);
     let (open, all_mm2) = (&planned.printed.open, planned.open_mm2);
     warnings.extend(open_ground::note(open, all_mm2, top_mm, settings));
-    warnings.extend(planned.unfollowed.clone());
     warnings.extend(planned.roofs.notes(settings));
     warnings.extend(planned.printed.two_bead_walls.note(settings));
     warnings.extend(short_layers_note(planned.printed.slowed, settings));

@@ -38,19 +38,6 @@ pub struct Hollow<'a> {
     /// Distance that beads extend over an edge without support.
     reach_mm: f64,
     span_max_mm: f64,
-    /// Of each layer the area inside the walls that has no lines to lie on; none where all has the same infill.
-    empty: Vec<Vec<Region>>,
-}
-
-/// A layer whose volumes have settings of their own, input coordinates.
-#[derive(Clone, Debug, Default)]
-pub struct MixedLayer {
-    /// Inside walls.
-    pub inside: Vec<Region>,
-    /// Filled, or dense enough to be lain on.
-    pub dense: Vec<Region>,
-    /// The other areas, with the density of each.
-    pub sparse: Vec<(f64, Vec<Region>)>,
 }
 
 /// What is known of a layer.
@@ -183,65 +170,12 @@ impl<'a> Hollow<'a> {
             bead_mm,
             reach_mm: settings.aperture.major_mm(),
             span_max_mm: settings.longest_bridge_mm(),
-            empty: Vec::new(),
         })
     }
 
-    /// Of layers whose volumes have settings of their own; `None` if the infill is dense enough everywhere. Where lines lie,
-    /// they count as far apart as the sparsest that a bridge may span.
-    pub fn of_mixed(
-        outlines: &'a [&'a [Region]],
-        layers: Vec<MixedLayer>,
-        settings: &Settings,
-    ) -> Option<Hollow<'a>> {
-        let sparse = layers.iter().flat_map(|layer| &layer.sparse);
-        let densities = sparse.map(|(density_pct, _)| *density_pct);
-        let infill = settings.infill.map(|infill| Infill {
-            density_pct: 0.0,
-            ..infill
-        });
-        let sparsest = Settings {
-            infill,
-            ..settings.clone()
-        };
-        let mut hollow = Hollow::of(outlines, &sparsest)?;
-        let gap_mm = |pct: f64| hollow.bead_mm * (pct_or_pitch(pct) - 1.0);
-        let most_mm = hollow.span_max_mm * (1.0 + SPAN_SLACK);
-        let is_spanned = |pct: f64| pct > 0.0 && gap_mm(pct) <= most_mm;
-        let mut count = 0;
-        let spanned = densities
-            .inspect(|_| count += 1)
-            .filter(|&pct| is_spanned(pct));
-        let density_pct = spanned.reduce(f64::min).unwrap_or(0.0);
-        if count == 0 {
-            return None;
-        }
-        let empty = |layer: &MixedLayer| {
-            let empty = layer.sparse.iter().filter(|(pct, _)| !is_spanned(*pct));
-            empty.flat_map(|(_, area)| area.clone()).collect()
-        };
-        let empty = layers.iter().map(empty).collect();
-        hollow.infill.density_pct = density_pct;
-        hollow.empty = empty;
-        let known = layers.into_iter().map(|layer| KnownLayer {
-            solid: OnceLock::from(layer.dense),
-            inside: OnceLock::from(layer.inside),
-            apart_mm: OnceLock::new(),
-        });
-        // What is inside is not the same where outlines are.
-        hollow.walls_min_mm = 0.0;
-        hollow.known = known.collect();
-        Some(hollow)
-    }
-
     /// True if a density leaves lines too far apart to be lain on as they are.
-    pub fn is_sparse(density_pct: f64) -> bool {
+    fn is_sparse(density_pct: f64) -> bool {
         pct_or_pitch(density_pct) > PITCH_BEADS_MAX
-    }
-
-    /// The part of a layer inside the walls that has no lines to lie on.
-    fn without_lines(&self, layer: usize) -> &[Region] {
-        self.empty.get(layer).map_or(&[], Vec::as_slice)
     }
 
     /// Between the beads of the infill; `None` without any.
@@ -265,11 +199,7 @@ impl<'a> Hollow<'a> {
         let Some(gap_mm) = self.gap_to_span_mm() else {
             return found;
         };
-        let mut lines_below = self.sparse(layer - 1);
-        let empty = self.without_lines(layer - 1);
-        if !empty.is_empty() {
-            lines_below = difference(&lines_below, empty);
-        }
+        let lines_below = self.sparse(layer - 1);
         // Over lines that are nearer to each other than the walls they are the anchors.
         found.retain(|bridge| {
             let mut in_air = difference(&bridge.ground, &lines_below);
@@ -326,7 +256,7 @@ impl<'a> Hollow<'a> {
         if own == under && solid == solid_below {
             return None;
         }
-        let is_hollow = solid.is_empty() && solid_below.is_empty() && self.empty.is_empty();
+        let is_hollow = solid.is_empty() && solid_below.is_empty();
         if is_hollow && self.is_alike(layer, below, self.reach_mm) {
             return None;
         }
@@ -344,11 +274,6 @@ impl<'a> Hollow<'a> {
         };
         if self.gap_to_span_mm().is_some() {
             below = self.outlines[layer - 1].to_vec();
-            let empty = self.without_lines(layer - 1);
-            if !empty.is_empty() {
-                let empty = intersection(&self.sparse(layer - 1), empty);
-                below = difference(&below, &empty);
-            }
         }
         let mut open = difference(&own, &grown(&below, self.reach_mm));
         open.retain(|piece| is_wide(piece, self.bead_mm));
@@ -366,17 +291,13 @@ impl<'a> Hollow<'a> {
     /// What the walls leave of a layer.
     fn inside(&self, layer: usize) -> &[Region] {
         known::<Vec<Region>>(&self.known[layer].inside, || {
-            self.inside_of(self.outlines[layer])
+            inside_walls(self.outlines[layer], self.walls_mm, self.bead_mm)
         })
-    }
-
-    fn inside_of(&self, outline: &[Region]) -> Vec<Region> {
-        inside_walls(outline, self.walls_mm, self.bead_mm)
     }
 }
 
 /// What walls of this width leave of an outline; `bead_mm` that of a bead.
-pub fn inside_walls(outline: &[Region], walls_mm: f64, bead_mm: f64) -> Vec<Region> {
+fn inside_walls(outline: &[Region], walls_mm: f64, bead_mm: f64) -> Vec<Region> {
     let corners: Vec<Point2> = outline
         .iter()
         .map(Region::bounds)
@@ -507,65 +428,5 @@ mod tests {
         assert_eq!(empty.len(), 1);
         assert!((empty[0].span_mm - 55.2).abs() < 0.01 && empty[0].is_roof);
         assert_eq!(told(density_pct), []);
-    }
-
-    /// Goal: where volumes have other infills, a roof goes across lines where all that it spans are near enough, and from wall
-    /// to wall where some are not; over ground that is dense it is none. Method: the box of 20 mm, of which one half has
-    /// another density; areas and spans by hand.
-    #[test]
-    fn a_roof_over_several_infills_goes_over_the_sparsest() {
-        let own = square(20.0);
-        let outlines = [own.as_slice(); 8];
-        let side = |from: f64, to: f64| {
-            let corners = [[from, 0.0], [to, 0.0], [to, 20.0], [from, 20.0]];
-            intersection(&own, &[region(&[&corners])])
-        };
-        let mixed = |densities: [f64; 2]| {
-            let layers = (0..8).map(|layer| {
-                let is_shell = !(2..6).contains(&layer);
-                let halves = [side(0.0, 10.0), side(10.0, 20.0)];
-                let (sparse, dense): (Vec<_>, Vec<_>) = (densities.into_iter().zip(halves))
-                    .partition(|(pct, _)| Hollow::is_sparse(*pct));
-                let dense = dense.into_iter().flat_map(|(_, half)| half);
-                MixedLayer {
-                    inside: inside_walls(&own, 2.4, 1.2),
-                    dense: match is_shell {
-                        true => own.to_vec(),
-                        false => dense.collect(),
-                    },
-                    sparse,
-                }
-            });
-            Hollow::of_mixed(&outlines, layers.collect(), &with(20.0, None))
-        };
-        for (densities, span_mm, over_lines, wide_mm) in [
-            ([20.0, 10.0], 10.8, true, 15.2),
-            ([20.0, 0.0], 15.2, false, 15.2),
-            ([20.0, 60.0], 4.8, true, 7.6),
-            ([0.0, 60.0], 7.6, false, 7.6),
-        ] {
-            let hollow = mixed(densities).expect("hollow");
-            for layer in 0..8 {
-                let spans = hollow.bridges(layer);
-                if layer != 6 {
-                    assert_eq!(spans, [], "{layer}");
-                    assert_eq!(area_mm2(&hollow.unheld(layer)), 0.0);
-                    continue;
-                }
-                assert_eq!(spans.len(), 1, "{densities:?}: {spans:?}");
-                assert_eq!(spans[0].over_lines, over_lines, "{densities:?}");
-                let (found_mm, bridged_mm2) = (spans[0].span_mm, area_mm2(&spans[0].ground));
-                assert!(
-                    (found_mm - span_mm).abs() < 0.01,
-                    "{densities:?}: {found_mm}"
-                );
-                let asked_mm2 = wide_mm * 15.2;
-                assert!(
-                    (bridged_mm2 - asked_mm2).abs() < 0.2,
-                    "{densities:?}: {bridged_mm2}"
-                );
-            }
-        }
-        assert!(mixed([60.0, 100.0]).is_none());
     }
 }

@@ -1,18 +1,14 @@
-//! The ground inside the walls of a region: which of it is bridged, filled, or has lines of which infill.
+//! The ground inside the walls of a region: which of it is bridged, filled, or has sparse lines.
 //!
 //! In: ground inside the walls (mm, in the region's frame), areas of the layer (mm, input coordinates). Out: the parts of
-//! that ground, in the region's frame, and the lines of sparse infills. Leaves out where these areas come from.
+//! that ground, in the region's frame. Leaves out where these areas come from.
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::{difference, grown, intersection};
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
-use crate::plan::beads::infill::infill_passes;
-use crate::plan::beads::passes::PassSettings;
 use crate::plan::layers::bridge_ground::is_wide;
-use crate::plan::pass::LayerPass;
-use crate::settings::Infill;
 
 /// Where the ground of a region is.
 pub struct InsideGround<'a> {
@@ -56,26 +52,6 @@ impl InsideGround<'_> {
             return [solid, sparse_ground];
         }
         [difference(open, &sparse_ground), sparse_ground]
-    }
-
-    /// The lines of sparse infills, each within its area.
-    pub fn lines_of(
-        &self,
-        sparse: &[Region],
-        areas: &[(Infill, Vec<Region>)],
-        how: &PassSettings,
-    ) -> Vec<LayerPass> {
-        let lines = areas.iter().flat_map(|(infill, area)| {
-            let mut ground = intersection(&self.local(area), sparse);
-            // A strip in which no bead fits gets no lines.
-            ground.retain(|region| is_wide(region, self.aperture.minor_mm()));
-            let infill = Infill {
-                angle_rad: self.frame.angle_in(infill.angle_rad),
-                ..*infill
-            };
-            infill_passes(&ground, &infill, how)
-        });
-        lines.collect()
     }
 
     /// Regions of input coordinates in the region's frame.

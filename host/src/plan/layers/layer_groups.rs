@@ -22,14 +22,13 @@ use crate::plan::joining::order::region_order;
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::bridge_ground::Bridge;
 use crate::plan::layers::each_kind::from_the_middle;
-use crate::plan::layers::inside::{Inside, OwnInside};
+use crate::plan::layers::inside::Inside;
 use crate::plan::layers::optimised_passes::PassCurve;
 use crate::plan::layers::region_plan::region_work::RegionWork;
 use crate::plan::layers::region_plan::{RegionPlan, Reversal};
 use crate::plan::layers::skirt::SkirtPlan;
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::progress::{Progress, Stage, Steps, Stopped};
-use crate::settings::kinds::Kinds;
 use crate::settings::{Infill, Settings};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -107,30 +106,6 @@ pub struct LayerKind {
     pub outline: usize,
     /// What is inside the walls of its regions.
     pub inside: Inside,
-    /// The same for the regions of objects with settings of their own.
-    pub objects: Vec<OwnInside>,
-}
-
-impl LayerKind {
-    /// What is inside the walls of a region.
-    fn inside_of(&self, region: &RegionWork) -> &Inside {
-        let bounds = region.bounds();
-        let place = region.widest_disk().map(|(at, _)| at);
-        let mut objects = self.objects.iter();
-        let own = objects.find(|own| own.has(bounds, place));
-        own.map_or(&self.inside, |own| &own.inside)
-    }
-
-    /// The sparsest infill of the layer.
-    fn infill(&self) -> Option<Infill> {
-        let objects = self.objects.iter();
-        let all = std::iter::once(&self.inside).chain(objects.map(|own| &own.inside));
-        let all = all.flat_map(|inside| {
-            let areas = inside.areas.iter().map(|(infill, _)| *infill);
-            inside.infill.into_iter().chain(areas)
-        });
-        all.min_by(|p, q| p.density_pct.total_cmp(&q.density_pct))
-    }
 }
 
 /// One layer of a stack.
@@ -163,7 +138,6 @@ pub fn prism_layers(
                 infill,
                 ..Inside::default()
             },
-            objects: Vec::new(),
         })
         .collect();
     let mut layers = Vec::with_capacity(infill_of_layer.len());
@@ -211,14 +185,14 @@ pub fn layer_groups(
     let regions = from_the_middle(&counts, |kind, region, next_to| {
         let kind = &kinds[kind];
         let work = &outlines[kind.outline][region];
-        steps.step(|| work.planned(kind.inside_of(work), next_to))
+        steps.step(|| work.planned(&kind.inside, next_to))
     })?;
     let kinds = kinds.iter().zip(regions).enumerate();
     let groups = kinds.map(|(number, (kind, regions))| {
         let mut its_layers = layers.iter().filter(|layer| layer.kind == number);
         let first_layer = its_layers.next().map_or(0, |layer| layer.number);
         LayerGroup {
-            infill: kind.infill(),
+            infill: kind.inside.infill,
             layers: 1 + its_layers.count() as u32,
             first_layer,
             regions,
@@ -265,7 +239,6 @@ pub fn region_prints(
 #[derive(Clone, Debug)]
 struct PrintCurve {
     kind: PassKind,
-    asked: Option<Kinds>,
     control: Arc<[PlaneControl]>,
 }
 
@@ -297,7 +270,6 @@ pub fn plane_passes(
                 scale: region.scale.as_ref(),
                 frame: region.frame,
                 shift: region.contour.offset + place,
-                asked: region.kinds,
             };
             framed.curves(region_curves, settings)
         })
@@ -310,7 +282,6 @@ pub fn plane_passes(
             scale: None,
             frame: Frame::IDENTITY,
             shift: skirt.offset + place,
-            asked: None,
         };
         framed.curves(pass_curves, settings)
     });
@@ -325,7 +296,6 @@ pub fn plane_passes(
         for curve in curves {
             passes.push(PlanePass {
                 kind: curve.kind,
-                asked: curve.asked,
                 layer,
                 z_mm: transform.offset_mm[2] + top_mm.get(&layer).copied().unwrap_or_default(),
                 control: curve.control.clone(),
@@ -403,7 +373,6 @@ struct FramedPasses<'a> {
     scale: Option<&'a ScaleField>,
     frame: Frame,
     shift: Vector2,
-    asked: Option<Kinds>,
 }
 
 impl FramedPasses<'_> {
@@ -437,7 +406,6 @@ impl FramedPasses<'_> {
             };
             curves.extend(found.iter().map(|control| PrintCurve {
                 kind: pass.kind,
-                asked: self.asked,
                 control: control.iter().map(to_machine).collect(),
             }));
         }

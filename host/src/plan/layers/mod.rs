@@ -27,7 +27,6 @@ pub mod skirt;
 
 use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::pass::PassKind;
-use crate::settings::kinds::Kinds;
 use std::sync::Arc;
 
 /// A pass ready to be printed: its curve in the layer plane.
@@ -35,8 +34,6 @@ use std::sync::Arc;
 pub struct PlanePass {
     /// Its kind, for pictures.
     pub kind: PassKind,
-    /// Speeds and flows by kind, where they are not the job's.
-    pub asked: Option<Kinds>,
     /// Layer from 0.
     pub layer: u32,
     /// Tip height, mm.

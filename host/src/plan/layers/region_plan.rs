@@ -21,7 +21,6 @@ use crate::plan::outline::contour::Contour;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::pass::LayerPass;
 use crate::settings::PassMode;
-use crate::settings::kinds::Kinds;
 use std::sync::Arc;
 
 /// The complete plan of one region of a layer.
@@ -55,8 +54,6 @@ pub struct RegionPlan {
     pub open: Vec<Region>,
     /// What of that is open on purpose between the lines of a sparse infill, local.
     pub sparse: Vec<Region>,
-    /// Speeds and flows by kind, where they are not the job's.
-    pub kinds: Option<Kinds>,
     /// How its passes are laid where a passage is narrow.
     pub pass_mode: PassMode,
     /// What the next layer may start from.

@@ -381,7 +381,7 @@ impl Head<'_> {
 
 /// Requests of a pass in addition to the general settings.
 fn asked_of(pass: &PlanePass, settings: &Settings) -> KindSettings {
-    let kinds = pass.asked.as_ref().unwrap_or(&settings.kinds);
+    let kinds = &settings.kinds;
     let own = match pass.kind {
         PassKind::TwoPass | PassKind::OnePass => kinds.walls,
         PassKind::Infill => kinds.solid,
@@ -416,7 +416,6 @@ mod tests {
         let turn = |deg: f64| f64::to_radians(deg);
         let pass = PlanePass {
             kind: PassKind::TwoPass,
-            asked: None,
             layer: 0,
             z_mm: 0.2,
             control: (0..=30)

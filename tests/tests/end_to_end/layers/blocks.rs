@@ -40,7 +40,6 @@ fn pyramid() -> SlicedPart {
     SlicedPart {
         layers: layers.collect(),
         wanted: 0..LAYERS,
-        objects: Vec::new(),
         notes: Vec::new(),
     }
 }

@@ -52,7 +52,6 @@ fn table(legs: &[Region]) -> SlicedPart {
     SlicedPart {
         layers: layers.collect(),
         wanted: 0..LAYERS,
-        objects: Vec::new(),
         notes: Vec::new(),
     }
 }
@@ -213,7 +212,6 @@ impl Span {
             layers: vec![layer(0, piers), layer(1, vec![strip(0.0, end_mm)])],
             // The bridge alone is planned.
             wanted: 1..2,
-            objects: Vec::new(),
             notes: Vec::new(),
         }
     }
@@ -331,7 +329,6 @@ fn a_roof_over_nothing_is_a_bridge() {
     let part = SlicedPart {
         layers: layers.collect(),
         wanted: 3..4,
-        objects: Vec::new(),
         notes: Vec::new(),
     };
     for (density_pct, is_bridge) in [(0.0, true), (15.0, true), (20.0, true), (50.0, false)] {
@@ -472,7 +469,6 @@ fn every_line_of_a_roof_is_held_at_both_ends() {
     let part = SlicedPart {
         layers: layers.collect(),
         wanted: 2..4,
-        objects: Vec::new(),
         notes: Vec::new(),
     };
     // Walls of 2.4 mm leave 15.2 mm.

@@ -5,14 +5,8 @@
 use headway::geometry::Point2;
 use headway::geometry::polygon::{Region, Ring};
 use headway::input::Target;
-use headway::job::MotionState;
-use headway::mesh::layers::{SlicedPart, TargetLayer};
-use headway::mesh::object_settings::{ObjectInfill, OwnSettings, PartObject};
-use headway::pipeline::mesh::{FirstLayer, plan_part};
-use headway::report::pose_table::samples_within;
 use headway::settings::{Infill, Settings};
 use headway::{Plan, plan_target};
-use headway_protocol::units::CHANNEL_VOLUME;
 use headway_tests::layer_oracle::{Rings, print_poses, sweep};
 
 const AXES_MM: [f64; 2] = [0.6, 0.2];
@@ -250,79 +244,4 @@ fn a_brim_covers_its_ring_and_not_the_figures() {
     let around_mm = 2.0 * 56.0 + std::f64::consts::TAU * (0.6 + 1.8);
     assert!((with.skirt_mm - around_mm).abs() < 6.0, "{}", with.skirt_mm);
     assert_eq!(without.skirt_mm, 0.0);
-}
-
-/// Goal: each object of a plate is filled as it asks, and the rest as the job does. Method: three boxes of 12 mm of three
-/// layers without solid ones, two of them objects of their own; what is laid within each box on the middle layer, by the
-/// finished motion, against walls and lines by hand.
-#[test]
-fn each_object_is_filled_as_it_asks() {
-    let boxes_mm = [0.0, 20.0, 40.0];
-    let at = |from: f64| target(&rectangle([from, 0.0], [from + 12.0, 12.0])).regions;
-    let layers = (0..3).map(|number| TargetLayer {
-        number,
-        height_mm: 0.2,
-        top_mm: 0.2 * f64::from(number + 1),
-        regions: boxes_mm.into_iter().flat_map(at).collect(),
-    });
-    let object = |from: f64, infill: ObjectInfill| PartObject {
-        name: None,
-        bounds_mm: [[from, 0.0, 0.0], [from + 12.0, 12.0, 0.6]].map(headway::mesh::Point3::from),
-        own: OwnSettings {
-            infill,
-            ..OwnSettings::default()
-        },
-        zones: Vec::new(),
-    };
-    let walled = ObjectInfill {
-        walls: Some(3),
-        density_pct: Some(0.0),
-        ..ObjectInfill::default()
-    };
-    let dense = ObjectInfill {
-        density_pct: Some(60.0),
-        ..ObjectInfill::default()
-    };
-    let part = SlicedPart {
-        layers: layers.collect(),
-        wanted: 0..3,
-        objects: vec![object(20.0, walled), object(40.0, dense)],
-        notes: Vec::new(),
-    };
-    let settings = Settings {
-        infill: Some(Infill {
-            density_pct: 20.0,
-            bottom_layers: Some(0),
-            top_layers: Some(0),
-            ..Infill::solid(1)
-        }),
-        ..Settings::default()
-    };
-    let plan = plan_part(&part, &[], FirstLayer::default(), &settings, &()).expect("a plan");
-    let stream = &plan.printed.stream;
-    let servo_hz = f64::from(settings.machine.servo_hz);
-    let samples = samples_within(stream, servo_hz, 1.0, stream.ticks_of_layer(1));
-    let mut laid_mm3 = [0.0; 3];
-    for sample in samples.filter(|sample| sample.mark.state == MotionState::Print) {
-        let x = sample.position[0] - plan.transform.offset_mm[0];
-        let nearest = boxes_mm
-            .iter()
-            .position(|from| (x - from - 6.0).abs() < 9.0);
-        laid_mm3[nearest.expect("a box")] += sample.velocity[CHANNEL_VOLUME] / servo_hz;
-    }
-    // Walls and lines of the asked density inside them; line ends lie up to half a bead short of the walls.
-    for (laid_mm3, (walls, density_pct)) in
-        laid_mm3
-            .into_iter()
-            .zip([(1.0f64, 20.0), (3.0, 0.0), (1.0, 60.0)])
-    {
-        let inner_mm2 = (12.0 - 2.4 * walls).powi(2);
-        let asked_mm3 = 0.2 * (144.0 - inner_mm2 + 0.01 * density_pct * inner_mm2);
-        println!("{walls} walls, {density_pct} %: {laid_mm3:.2} of {asked_mm3:.2} mm³");
-        assert!(
-            (laid_mm3 / asked_mm3 - 1.0).abs() < 0.1,
-            "{walls}, {density_pct}: {laid_mm3} {asked_mm3}"
-        );
-    }
-    assert_eq!(plan.unfollowed, None);
 }

@@ -7,7 +7,6 @@ mod infill;
 mod keep_out;
 mod method_figures;
 mod one_bead_or_two;
-mod own_settings;
 mod stacks;
 mod told_ground;
 mod vases;

@@ -65,7 +65,6 @@ fn part(layers: u32, section: impl Fn(u32) -> Vec<Region>) -> SlicedPart {
     SlicedPart {
         layers: (0..layers).map(layer).collect(),
         wanted: 0..layers,
-        objects: Vec::new(),
         notes: Vec::new(),
     }
 }

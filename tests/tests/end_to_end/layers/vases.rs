@@ -38,7 +38,6 @@ fn planned(radius_mm: impl Fn(f64) -> f64) -> (PartPlan, Settings) {
     let part = SlicedPart {
         layers: layers.collect(),
         wanted: 0..LAYERS,
-        objects: Vec::new(),
         notes: Vec::new(),
     };
     let mut settings = Settings {

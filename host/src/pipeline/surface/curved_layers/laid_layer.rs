@@ -100,7 +100,6 @@ pub fn flat(
                 solid: (context.solid)(number),
                 ..Inside::default()
             },
-            objects: Vec::new(),
         };
         let known = stack.kinds.iter().position(|own| *own == kind);
         let kind_number = known.unwrap_or_else(|| {
@@ -279,7 +278,6 @@ fn routed(
                 infill: infill.map(|infill| infill.inside(number)),
                 ..Inside::default()
             },
-            objects: Vec::new(),
         }],
         layers: vec![StackLayer {
             number,

@@ -10,7 +10,7 @@ use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::place_scale::ScaleField;
-use crate::geometry::polygon::{Box2, Region};
+use crate::geometry::polygon::Region;
 use crate::geometry::repair::FillRule;
 use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::axis::pruned_axis::Axis;
@@ -32,7 +32,6 @@ use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::pose_limits::pose_limits;
-use crate::settings::kinds::Kinds;
 use crate::settings::{Infill, PassMode, SeamPlace, Settings};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -63,8 +62,6 @@ pub struct RegionWork {
     sparse_ground: Vec<Region>,
     /// Part of the open area is filled, part is not.
     is_mixed: bool,
-    /// Speeds and flows by kind, where they are not the job's.
-    kinds: Option<Kinds>,
 }
 
 impl RegionWork {
@@ -117,20 +114,13 @@ impl RegionWork {
             sparse_open: Vec::new(),
             sparse_ground: Vec::new(),
             is_mixed: false,
-            kinds: None,
         })
     }
 
-    /// The region with the settings that it is printed with.
+    /// The region with the infill that it is printed with.
     fn asked(&self, inside: &Inside) -> RegionWork {
         let mut work = self.clone();
-        work.kinds = inside.kinds;
-        let settings = &mut work.settings;
-        if let Some(seam) = inside.seam {
-            settings.seam = seam;
-            settings.seam.direction_rad = self.frame.angle_in(seam.untied_rad());
-        }
-        settings.infill = inside.infill.map(|infill| Infill {
+        work.settings.infill = inside.infill.map(|infill| Infill {
             angle_rad: self.frame.angle_in(infill.angle_rad),
             ..infill
         });
@@ -192,8 +182,7 @@ impl RegionWork {
             over[usize::from(bridge.over_lines)].extend(over_air);
         }
         let [bridged, roofed] = over;
-        let is_one = inside.areas.is_empty();
-        let [solid, sparse] = match infill.is_solid() && is_one {
+        let [solid, sparse] = match infill.is_solid() {
             true => [rest, Vec::new()],
             false => ground.divided(&rest, &inside.solid),
         };
@@ -204,23 +193,13 @@ impl RegionWork {
         self.passes.extend(infill_passes(&solid, &filled, &how));
         let parts = [&solid, &sparse, &bridged, &roofed];
         self.is_mixed = parts.iter().filter(|part| !part.is_empty()).count() > 1;
-        self.sparse = match is_one {
-            true => infill_passes(&sparse, &infill, &how),
-            false => ground.lines_of(&sparse, &inside.areas, &how),
-        };
+        self.sparse = infill_passes(&sparse, &infill, &how);
         for line in &mut self.sparse {
             line.kind = PassKind::Sparse;
         }
         self.sparse_open = sparse.clone();
         self.sparse_open.extend(bridged);
         self.sparse_ground = sparse;
-    }
-
-    /// Its box, input coordinates.
-    pub fn bounds(&self) -> Box2 {
-        let Box2 { min, max } = self.contour.region.bounds();
-        let [min, max] = [min, max].map(|corner| self.contour.to_input(corner));
-        Box2 { min, max }
     }
 
     /// Centre (input coordinates) and radius of the widest disk, mm.
@@ -344,7 +323,6 @@ impl RegionWork {
             curves,
             open,
             sparse: self.sparse_ground.iter().map(out).collect(),
-            kinds: self.kinds,
             pass_mode: self.settings.pass_mode,
             warm_start,
         }
