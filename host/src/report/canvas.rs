@@ -249,7 +249,7 @@ impl Canvas {
 }
 
 /// The largest of 1, 2, 5 times a power of ten that is not above `wanted_mm`.
-pub(super) fn round_length_mm(wanted_mm: f64) -> f64 {
+fn round_length_mm(wanted_mm: f64) -> f64 {
     let power = 10f64.powf(wanted_mm.max(1e-9).log10().floor());
     [5.0, 2.0, 1.0]
         .into_iter()

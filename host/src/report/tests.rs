@@ -5,13 +5,11 @@ use super::*;
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
-use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
 use crate::geometry::test_shapes::{SQUARE, region};
 use crate::job::transform::PartTransform;
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
-use coverage_picture::Cell;
 use headway_protocol::segment::Knot;
 use plan_marks::Colouring;
 use plan_picture::{PicturePass, Zone};
@@ -138,42 +136,6 @@ fn arrows(text: &str) -> Vec<[f64; 3]> {
         .collect()
 }
 
-#[test]
-fn coverage_merges_equal_runs() {
-    let regions = square();
-    let mut cells = vec![Cell::Once; 100];
-    for row in 2..5 {
-        cells[row * 10 + 3] = Cell::Gap;
-        cells[row * 10 + 4] = Cell::Gap;
-    }
-    cells[77] = Cell::Overlap;
-    let picture = CoveragePicture {
-        title: "coverage",
-        regions: &regions,
-        rasters: vec![coverage_picture::Raster {
-            frame: Frame::IDENTITY,
-            origin: Point2::origin(),
-            cell_mm: 1.0,
-            columns: 10,
-            cells,
-        }],
-    };
-    let text = coverage_picture::draw(&picture);
-    let xml = Document::parse(&text).expect("well-formed");
-    let data = |colour: &str| {
-        xml.descendants()
-            .find(|n| n.attribute("fill") == Some(colour) && n.tag_name().name() == "path")
-            .and_then(|n| n.attribute("d"))
-            .map(str::to_string)
-    };
-    // 100 px a mm, 24 px margin, drawing from 64 px to 1064 px: rows 2 to 4 are 564 to 864 px.
-    assert_eq!(
-        data("#e53e3e").as_deref(),
-        Some("M324.00 864.00L524.00 864.00 524.00 564.00 324.00 564.00Z")
-    );
-    assert_eq!(data("#ed8936").map(|d| d.matches('M').count()), Some(1));
-}
-
 /// 5 mm along x in 100 spans of 10 ticks, from rest to rest.
 fn stream() -> SegmentStream {
     let control = |k: i32| {
@@ -242,8 +204,6 @@ fn empty(figures: &Figures) -> Report<'_> {
         figures,
         layers: Vec::new(),
         more_layers: Vec::new(),
-        space: None,
-        motion: None,
         notes: &[],
         machine: None,
         servo_hz: 2000.0,
@@ -299,60 +259,33 @@ fn the_pose_table_keeps_its_columns() {
 }
 
 #[test]
-fn motion_and_page_hold_what_they_should() {
-    let stream = stream();
-    let plots = stream_plots::stream_plots("part", &stream, &Settings::default());
-    assert_eq!(plots.panels.len(), 5);
-    // X of the default machine: 10 of 250 mm/s, away from the shorter first spans.
-    let middle = plots.panels[1].curves[0]
-        .points
-        .iter()
-        .filter(|p| (0.1..0.4).contains(&p[0]));
-    let (least, most) = middle.fold((f64::MAX, 0.0f64), |(l, m), p| (l.min(p[1]), m.max(p[1])));
-    assert!(
-        (least - 4.0).abs() < 1e-3 && (most - 4.0).abs() < 1e-3,
-        "{least} {most}"
-    );
+fn a_report_has_a_picture_of_each_drawn_layer() {
     let figures = Figures {
         passes: Some(1),
         ..Figures::default()
     };
     let notes = ["two < three".to_string()];
     let files = write_report(&Report {
-        motion: Some(plots),
-        notes: &notes,
-        ..empty(&figures)
-    });
-    let files_of_layers = write_report(&Report {
         layers: [(0, "layer 1 of 9"), (4, "layer 5 of 9 and 2 like it")]
-            .map(|(layer, label)| LayerSheets {
+            .map(|(layer, label)| DrawnLayer {
                 layer,
                 label,
                 plan: empty_plan(),
-                coverage: None,
-                motion: Some(LayerMotion::default()),
+                swept: Vec::new(),
+                motion: LayerMotion::default(),
             })
             .to_vec(),
+        notes: &notes,
         ..empty(&figures)
     });
-    let names: Vec<&str> = files_of_layers
-        .iter()
-        .map(|file| file.name.as_str())
-        .collect();
+    let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
     assert_eq!(
         names,
         ["report.json", "plan.svg", "plan-layer-5.svg", "index.html"]
     );
-    assert!(
-        files_of_layers[3]
-            .text
-            .contains("layer 5 of 9 and 2 like it")
-    );
-    let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
-    assert_eq!(names, ["report.json", "motion.svg", "index.html"]);
-    // Four panels and the limits of two of them.
-    assert!(count(&files[1].text, "path") >= 7);
-    assert!(files[2].text.contains("two &lt; three") && files[2].text.contains("motion.svg"));
+    let page = &files[3].text;
+    assert!(page.contains("layer 5 of 9 and 2 like it") && page.contains("two &lt; three"));
+    assert!(page.contains("href=\"plan-layer-5.svg\""));
 }
 
 /// Goal: the page's samples and its path are the stream's. Method: the columns read back from the page's block, as
@@ -391,15 +324,18 @@ fn the_page_holds_the_motion() {
     assert_eq!((track.every_s, track.limit.len()), (0.002, 260));
     let printed = track.limit.iter().map(|&limit| limit == 2);
     assert!(printed.eq((0..260).map(|k| 4 * k >= 500)));
+    // X of the default machine: 10 of 250 mm/s, away from the shorter first spans.
+    let x_pct = &track.joints_pct[0].1;
+    assert!(x_pct[50..200].iter().all(|pct| (pct - 4.0).abs() < 1e-2));
     let figures = Figures::default();
     let limits = ["x speed", "</script><b>", "tip speed"].map(String::from);
     let files = write_report(&Report {
-        layers: vec![LayerSheets {
+        layers: vec![DrawnLayer {
             layer: 0,
             label: "",
             plan: empty_plan(),
-            coverage: None,
-            motion: Some(motion),
+            swept: Vec::new(),
+            motion,
         }],
         limits: &limits,
         ..empty(&figures)

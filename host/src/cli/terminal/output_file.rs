@@ -29,14 +29,7 @@ use tempfile::{Builder, NamedTempFile};
 /// The page that makes a report of a folder.
 const REPORT_PAGE: &str = "index.html";
 /// Names that a report is likely to write; layers have more of their own.
-const REPORT_NAMES: [&str; 6] = [
-    REPORT_PAGE,
-    "report.json",
-    "plan.svg",
-    "coverage.svg",
-    "motion.svg",
-    "space.svg",
-];
+const REPORT_NAMES: [&str; 3] = [REPORT_PAGE, "report.json", "plan.svg"];
 
 /// A file that may be written.
 #[derive(Clone, Debug)]

@@ -5,9 +5,10 @@
 
 use crate::drive::time_by_limit::limit_names;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::coverage::Coverage;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
-use crate::geometry::{Point2, Vector2, coverage};
+use crate::geometry::{Point2, Vector2};
 use crate::job::transform::PartTransform;
 use crate::job::{MotionState, SegmentStream};
 use crate::pipeline::page::layers::{self, LayerMotions, kinds_of_layers};
@@ -17,25 +18,17 @@ use crate::plan::judge::region_raster::RegionRaster;
 use crate::plan::layers::layer_groups::OFF_REGIONS;
 use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::pass::PassKind;
-use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::figures::SlowPlaceFigures;
 use crate::report::machine_links::MachineLinks;
 use crate::report::page::{inline_html, live_html};
 use crate::report::plan_marks::Colouring;
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
 use crate::report::pose_table::{duration_ticks, samples_within};
-use crate::report::space_picture::{SpacePicture, SpacePoint};
-use crate::report::stream_plots::stream_plots;
-use crate::report::{LayerSheets, Place, Report, ReportFile, write_report};
-use headway_firmware::kinematics::pose::Pose;
+use crate::report::{DrawnLayer, Place, Report, ReportFile, write_report};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Most samples of a picture's paths.
 const SAMPLES_MAX: u64 = 200_000;
-/// Most samples of the picture in space.
-const SPACE_SAMPLES_MAX: u64 = 20_000;
-/// Cosine of a tilt that can be seen, 0.25°.
-const UPRIGHT_COS: f64 = 0.999_99;
 
 /// A layer that is drawn for all that are like it.
 pub struct ShownLayer {
@@ -43,20 +36,18 @@ pub struct ShownLayer {
     pub layer: u32,
     /// Its number and the layers identical to it; empty if there is only one.
     pub label: String,
-    plan_title: String,
-    coverage_title: String,
+    title: String,
 }
 
 impl ShownLayer {
     fn of(planned: &Planned, layer: u32, label: String) -> ShownLayer {
-        let title = |what: &str| match label.as_str() {
-            "" => format!("{}: {what}", planned.name),
-            label => format!("{}: {what}, {label}", planned.name),
+        let title = match label.as_str() {
+            "" => format!("{}: plan", planned.name),
+            label => format!("{}: plan, {label}", planned.name),
         };
         ShownLayer {
             layer,
-            plan_title: title("plan"),
-            coverage_title: title("deposited area"),
+            title,
             label,
         }
     }
@@ -125,30 +116,21 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
     let shown = shown_layers(planned);
     let rasters = rasters(planned, &shown);
     let motions = LayerMotions::of(planned, &shown);
-    let sheets = shown.iter().zip(rasters).map(|(shown, rasters)| {
-        let coverage = (!rasters.is_empty()).then(|| CoveragePicture {
-            title: &shown.coverage_title,
-            regions: planned.outline_of(shown.layer),
-            rasters,
-        });
-        LayerSheets {
-            layer: shown.layer,
-            label: &shown.label,
-            plan: plan_picture(&shown.plan_title, planned, shown.layer),
-            coverage,
-            motion: Some(motions.motion(shown.layer)),
-        }
+    let drawn = shown.iter().zip(rasters).map(|(shown, swept)| DrawnLayer {
+        layer: shown.layer,
+        label: &shown.label,
+        plan: plan_picture(&shown.title, planned, shown.layer),
+        swept,
+        motion: motions.motion(shown.layer),
     });
     let settings = &planned.settings;
     let machine = planned.stream.machine(&settings.machine);
     finish(&Report {
         title: &planned.name,
         figures: &planned.figures,
-        layers: sheets.collect(),
+        layers: drawn.collect(),
         more_layers: motions.more(&shown),
         facts: motions.facts(&shown),
-        space: space_picture(planned),
-        motion: Some(stream_plots(&planned.name, &planned.stream, settings)),
         notes: &planned.notes,
         machine: MachineLinks::of(&machine, settings, &planned.transform),
         servo_hz: f64::from(settings.machine.servo_hz),
@@ -156,30 +138,6 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
         limits: &limit_names(settings),
         slow_places: &slow_places(planned),
         left_out: &planned.left_out,
-    })
-}
-
-/// The path in space; `None` if the tool stays upright.
-fn space_picture(planned: &Planned) -> Option<SpacePicture> {
-    let stream = &planned.stream;
-    let ticks = duration_ticks(stream);
-    let every_ticks = ticks.div_ceil(SPACE_SAMPLES_MAX).max(1) as f64;
-    let servo_hz = f64::from(planned.settings.machine.servo_hz);
-    let points: Vec<SpacePoint> = samples_within(stream, servo_hz, every_ticks, [0, ticks])
-        .map(|sample| {
-            let pose = Pose::from_channels(&sample.position);
-            SpacePoint {
-                tip_mm: planned.transform.to_input(pose.tip_mm.into()),
-                axis: pose.tool_axis().into(),
-                prints: sample.mark.state == MotionState::Print,
-            }
-        })
-        .collect();
-    let least_up = points.iter().map(|point| point.axis[2]);
-    let least_up = least_up.fold(1.0, f64::min);
-    (least_up < UPRIGHT_COS).then(|| SpacePicture {
-        title: format!("{}: path and tool axes", planned.name),
-        points,
     })
 }
 
@@ -202,12 +160,12 @@ fn slow_places(planned: &Planned) -> Vec<Place> {
 }
 
 /// What was swept of each layer shown.
-fn rasters(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
+fn rasters(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<(Frame, Coverage)>> {
     let Some(plan) = &planned.plan else {
         return rasters_of_job(planned, shown);
     };
     if plan.curved_layers.is_some() {
-        // Most of the picture is in space: there is no one plane to draw it in.
+        // Most of the layers are in space: there is no one plane to draw cells in.
         return shown.iter().map(|_| Vec::new()).collect();
     }
     let of_layer = |shown: &ShownLayer| {
@@ -216,7 +174,7 @@ fn rasters(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
         prints
             .filter_map(|print| {
                 let swept = plan.measured.rasters[print.like].as_ref()?;
-                Some(raster(plan.region_of(print).contour.offset, swept))
+                Some(placed(plan.region_of(print).contour.offset, swept))
             })
             .collect()
     };
@@ -346,7 +304,7 @@ fn configuration(transform: &PartTransform, position: &[f64; 7]) -> Configuratio
 }
 
 /// A job from a file is swept again over the outline that rode along.
-fn rasters_of_job(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
+fn rasters_of_job(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<(Frame, Coverage)>> {
     // What was planned once has contours; an outline that has none is not drawn.
     let contours: Option<Vec<Contour>> = planned
         .outline
@@ -373,8 +331,8 @@ fn rasters_of_job(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
         &(),
     );
     let rasters = prints.iter().zip(&measured.rasters);
-    let rasters: Vec<Option<Raster>> = rasters
-        .map(|(print, swept)| Some(raster(print.contour.offset, swept.as_ref()?)))
+    let rasters: Vec<Option<(Frame, Coverage)>> = rasters
+        .map(|(print, swept)| Some(placed(print.contour.offset, swept.as_ref()?)))
         .collect();
     let mut rasters = rasters.into_iter();
     let of_layer = |_| rasters.by_ref().take(contours.len()).flatten().collect();
@@ -402,26 +360,11 @@ fn name_passes(planned: &Planned, layer: u32, first: usize, print_of_pass: &mut 
     }
 }
 
-fn raster(offset: Vector2, raster: &RegionRaster) -> Raster {
-    let swept = &raster.swept;
-    Raster {
-        frame: Frame {
-            centre: raster.frame.centre + offset,
-            ..raster.frame
-        },
-        origin: swept.origin,
-        cell_mm: swept.cell_mm,
-        columns: swept.columns,
-        cells: swept
-            .cells
-            .iter()
-            .map(|cell| match cell {
-                coverage::Cell::Outside => Cell::Empty,
-                coverage::Cell::Gap => Cell::Gap,
-                coverage::Cell::Covered => Cell::Once,
-                coverage::Cell::Overlap => Cell::Overlap,
-                coverage::Cell::Spill => Cell::Spill,
-            })
-            .collect(),
-    }
+/// A raster with its frame in the input's coordinates.
+fn placed(offset: Vector2, raster: &RegionRaster) -> (Frame, Coverage) {
+    let frame = Frame {
+        centre: raster.frame.centre + offset,
+        ..raster.frame
+    };
+    (frame, raster.swept.clone())
 }

@@ -1,6 +1,6 @@
 //! What the page's script draws, as one block of JSON.
 //!
-//! In: the sheets of a [`Report`]. Out: JSON text that may stand inside a `script` element: of each layer
+//! In: the layers of a [`Report`]. Out: JSON text that may stand inside a `script` element: of each layer
 //! its path ([`LayerPath`], to a micrometre and half a milliradian), samples at even times, its outline and what
 //! was swept; limits, places, bed, heat.
 
@@ -11,7 +11,7 @@ use crate::geometry::polygon::Region;
 use crate::report::layer_path::{LayerPath, PathPoint, What};
 use crate::report::machine_links::MachineLinks;
 use crate::report::page_layer::{LayerMotion, PageFacts};
-use crate::report::{LayerSheets, Place, Report};
+use crate::report::{Place, Report};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
@@ -99,19 +99,15 @@ struct Joint<'a> {
 /// The JSON block.
 pub fn json(report: &Report) -> String {
     let mut outlines = Outlines::default();
-    let sheets = report.layers.iter();
-    let sheets = sheets.filter_map(|sheet| Some((sheet, sheet.motion.as_ref()?)));
-    let mut layers: Vec<Layer> = sheets
-        .map(|(sheet, motion)| Layer {
-            ground: grounds(sheet),
-            ..layer(
-                sheet.label,
-                sheet.layer,
-                motion,
-                outlines.number(sheet.plan.regions),
-            )
-        })
-        .collect();
+    let drawn = report.layers.iter().map(|drawn| {
+        let outline = outlines.number(drawn.plan.regions);
+        let swept = drawn.swept.iter();
+        Layer {
+            ground: swept.map(|(frame, swept)| ground(frame, swept)).collect(),
+            ..layer(drawn.label, drawn.layer, &drawn.motion, outline)
+        }
+    });
+    let mut layers: Vec<Layer> = drawn.collect();
     layers.extend(report.more_layers.iter().map(|more| {
         let outline = outlines.number(more.outline);
         layer(&more.label, more.layer, &more.motion, outline)
@@ -123,7 +119,7 @@ pub fn json(report: &Report) -> String {
         rings.map(|ring| flat(&ring.points)).collect()
     };
     let lines = |lines: &[Vec<Point2>]| lines.iter().map(|line| flat(line)).collect();
-    let aperture = first.map(|sheet| sheet.plan.aperture);
+    let aperture = first.map(|layer| layer.plan.aperture);
     let nozzle = aperture.map_or(Vec::new(), |it| it.outline(0.0, NOZZLE_POINTS));
     let data = Data {
         nozzle: nozzle
@@ -136,9 +132,9 @@ pub fn json(report: &Report) -> String {
         limits: report.limits,
         whats: What::ALL.map(What::name),
         outlines: outlines.rings,
-        keep_out: first.map_or(Vec::new(), |sheet| rings(sheet.plan.keep_out)),
-        axis: first.map_or(Vec::new(), |sheet| lines(&sheet.plan.axis)),
-        unreachable: first.map_or(Vec::new(), |sheet| lines(&sheet.plan.unreachable)),
+        keep_out: first.map_or(Vec::new(), |layer| rings(layer.plan.keep_out)),
+        axis: first.map_or(Vec::new(), |layer| lines(&layer.plan.axis)),
+        unreachable: first.map_or(Vec::new(), |layer| lines(&layer.plan.unreachable)),
         layers,
         facts: &report.facts,
         machine: report.machine.as_ref(),
@@ -180,11 +176,6 @@ impl<'a> Outlines<'a> {
             self.known.len() - 1
         }))
     }
-}
-
-fn grounds(sheet: &LayerSheets) -> Vec<Ground> {
-    let rasters = sheet.coverage.iter().flat_map(|picture| &picture.rasters);
-    rasters.filter_map(ground).collect()
 }
 
 fn layer<'a>(

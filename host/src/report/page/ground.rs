@@ -1,10 +1,11 @@
 //! What was swept of a layer, as runs of equal cells for the page's script.
 //!
-//! In: a [`Raster`]. Out: at most [`SIDE_MAX`] cells along a side, as base64 of runs: the cell's code and a length
+//! In: a raster and its frame. Out: at most [`SIDE_MAX`] cells along a side, as base64 of runs: the cell's code and a length
 //! of 16 bits, low byte first.
 
 use crate::geometry::Point2;
-use crate::report::coverage_picture::{Cell, Raster};
+use crate::geometry::coverage::{Cell, Coverage};
+use crate::geometry::frame::Frame;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
@@ -23,22 +24,18 @@ pub struct Ground {
     rle: String,
 }
 
-/// The cells of a raster; `None` where it has none.
-pub fn ground(raster: &Raster) -> Option<Ground> {
-    let rows = raster.cells.len().checked_div(raster.columns)?;
-    if rows == 0 {
-        return None;
-    }
-    let block = raster.columns.max(rows).div_ceil(SIDE_MAX);
-    let (columns, block_rows) = (raster.columns.div_ceil(block), rows.div_ceil(block));
+/// The cells of a raster.
+pub fn ground(frame: &Frame, swept: &Coverage) -> Ground {
+    let block = swept.columns.max(swept.rows).div_ceil(SIDE_MAX).max(1);
+    let (columns, rows) = (swept.columns.div_ceil(block), swept.rows.div_ceil(block));
     let mut runs: Vec<u8> = Vec::new();
-    let mut run: Option<(Cell, u16)> = None;
-    let mut push = |run: (Cell, u16)| {
-        runs.push(code(run.0));
+    let mut run: Option<(u8, u16)> = None;
+    let mut push = |run: (u8, u16)| {
+        runs.push(run.0);
         runs.extend(run.1.to_le_bytes());
     };
-    for number in 0..columns * block_rows {
-        let cell = greatest(raster, rows, [number % columns, number / columns], block);
+    for number in 0..columns * rows {
+        let cell = greatest(swept, [number % columns, number / columns], block);
         run = match run {
             Some((of, length)) if of == cell && length < u16::MAX => Some((of, length + 1)),
             other => {
@@ -48,40 +45,36 @@ pub fn ground(raster: &Raster) -> Option<Ground> {
         };
     }
     run.into_iter().for_each(&mut push);
-    let frame = &raster.frame;
     let (x, y) = (
         frame.vector_out([1.0, 0.0].into()),
         frame.vector_out([0.0, 1.0].into()),
     );
     let at = frame.point_out(Point2::origin());
-    Some(Ground {
+    Ground {
         matrix: [x.x, x.y, y.x, y.y, at.x, at.y],
-        origin: [raster.origin.x, raster.origin.y],
-        cell_mm: raster.cell_mm * block as f64,
+        origin: [swept.origin.x, swept.origin.y],
+        cell_mm: swept.cell_mm * block as f64,
         columns,
-        rows: block_rows,
+        rows,
         rle: STANDARD.encode(runs),
-    })
+    }
 }
 
-/// The greatest cell of a block: a small gap must not vanish.
-fn greatest(raster: &Raster, rows: usize, [column, row]: [usize; 2], block: usize) -> Cell {
+/// The greatest code in a block of cells: a small gap must not vanish.
+fn greatest(swept: &Coverage, [column, row]: [usize; 2], block: usize) -> u8 {
     let end = |at: usize, most: usize| ((at + 1) * block).min(most);
-    let rows = row * block..end(row, rows);
-    rows.flat_map(|row| {
-        let start = row * raster.columns;
-        &raster.cells[start + column * block..start + end(column, raster.columns)]
-    })
-    .copied()
-    .max()
-    .unwrap_or(Cell::Empty)
+    let rows = row * block..end(row, swept.rows);
+    let cells = rows.flat_map(|row| {
+        let start = row * swept.columns;
+        &swept.cells[start + column * block..start + end(column, swept.columns)]
+    });
+    cells.map(code).max().unwrap_or(0)
 }
 
-fn code(cell: Cell) -> u8 {
+fn code(cell: &Cell) -> u8 {
     match cell {
-        Cell::Empty => 0,
-        Cell::Once => 1,
-        Cell::Unreachable => 2,
+        Cell::Outside => 0,
+        Cell::Covered => 1,
         Cell::Overlap => 3,
         Cell::Gap => 4,
         Cell::Spill => 5,

@@ -10,7 +10,7 @@ mod columns;
 mod data;
 mod ground;
 
-use super::{Report, figures::Figures, verdict};
+use super::{Report, ReportFile, figures::Figures, verdict};
 
 /// Says in a page who wrote it, by which a later report knows that it may be replaced.
 pub const PAGE_GENERATOR: &str = r#"<meta name="generator" content="Headway">"#;
@@ -36,9 +36,9 @@ const LIVE_SCRIPT: &str = include_str!("script/live.js");
 /// Groups that a user reads first; the others are folded away.
 const FIRST_GROUPS: [&str; 3] = ["Coverage", "Layers", "Motion"];
 
-/// The page; `pictures` are (file name, caption) of what lies beside it.
-pub fn html(report: &Report, pictures: &[(String, String)]) -> String {
-    page(report, &files(pictures), ["", "", ""])
+/// The page; `pictures` are those of the report's layers, which lie beside it.
+pub fn html(report: &Report, pictures: &[ReportFile]) -> String {
+    page(report, &files(report, pictures), ["", "", ""])
 }
 
 /// The page by itself, for who shows it inside of another: no file lies beside it.
@@ -136,14 +136,19 @@ fn tables(figures: &Figures, wanted: impl Fn(&str) -> bool) -> String {
     text + "</div>"
 }
 
-fn files(pictures: &[(String, String)]) -> String {
+fn files(report: &Report, pictures: &[ReportFile]) -> String {
     let mut text = String::from(
         "<section class=\"card\" aria-label=\"Files\"><h2>Files beside this page</h2><ul>\n\
          <li><a href=\"report.json\">report.json</a>: all figures</li>\n",
     );
-    for (file, caption) in pictures {
-        let (file, caption) = (escaped(file), escaped(caption));
-        text += &format!("<li><a href=\"{file}\">{file}</a>: {caption}</li>\n");
+    for (ReportFile { name, .. }, layer) in pictures.iter().zip(&report.layers) {
+        let of_layer = match layer.label {
+            "" => String::new(),
+            label => format!(": {}", escaped(label)),
+        };
+        text += &format!(
+            "<li><a href=\"{name}\">{name}</a>: Outline, medial axis, passes and nozzle outlines{of_layer}</li>\n"
+        );
     }
     text + "</ul></section>"
 }
