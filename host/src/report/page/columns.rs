@@ -17,7 +17,7 @@ pub struct Column {
 }
 
 /// Whole numbers of a unit by their differences.
-#[derive(Serialize)]
+#[derive(Debug, PartialEq, Serialize)]
 pub struct Steps {
     unit: f64,
     b64: String,

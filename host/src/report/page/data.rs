@@ -2,7 +2,7 @@
 //!
 //! In: the layers of a [`Report`]. Out: JSON text that may stand inside a `script` element: of each layer
 //! its path ([`LayerPath`], to a micrometre and half a milliradian), samples at even times, its outline and what
-//! was swept; limits, places, bed, heat.
+//! was covered twice; limits, places, bed, heat.
 
 use super::columns::{Column, Steps};
 use super::ground::{Ground, ground};

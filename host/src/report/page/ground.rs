@@ -1,16 +1,15 @@
-//! What was swept of a layer, as runs of equal cells for the page's script.
+//! Area that was covered twice in a layer, as cells for the page's script.
 //!
-//! In: a raster and its frame. Out: at most [`SIDE_MAX`] cells along a side, as base64 of runs: the cell's code and a length
-//! of 16 bits, low byte first.
+//! In: a raster and its frame. Out: at most [`SIDE_MAX`] cells along a side, row by row, as the numbers at which runs of
+//! cells that were covered twice begin and end.
 
+use super::columns::Steps;
 use crate::geometry::Point2;
 use crate::geometry::coverage::{Cell, Coverage};
 use crate::geometry::frame::Frame;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-/// Most cells along a side of the coverage; finer rasters are shown in blocks.
+/// Most cells along a side; finer rasters are shown in blocks.
 const SIDE_MAX: usize = 1600;
 
 #[derive(Serialize)]
@@ -21,30 +20,19 @@ pub struct Ground {
     cell_mm: f64,
     columns: usize,
     rows: usize,
-    rle: String,
+    twice: Steps,
 }
 
 /// The cells of a raster.
 pub fn ground(frame: &Frame, swept: &Coverage) -> Ground {
     let block = swept.columns.max(swept.rows).div_ceil(SIDE_MAX).max(1);
     let (columns, rows) = (swept.columns.div_ceil(block), swept.rows.div_ceil(block));
-    let mut runs: Vec<u8> = Vec::new();
-    let mut run: Option<(u8, u16)> = None;
-    let mut push = |run: (u8, u16)| {
-        runs.push(run.0);
-        runs.extend(run.1.to_le_bytes());
-    };
-    for number in 0..columns * rows {
-        let cell = greatest(swept, [number % columns, number / columns], block);
-        run = match run {
-            Some((of, length)) if of == cell && length < u16::MAX => Some((of, length + 1)),
-            other => {
-                other.into_iter().for_each(&mut push);
-                Some((cell, 1))
-            }
-        };
+    let mut twice = vec![false; columns * rows];
+    for (number, cell) in swept.cells.iter().enumerate() {
+        let (column, row) = (number % swept.columns, number / swept.columns);
+        twice[row / block * columns + column / block] |= *cell == Cell::Overlap;
     }
-    run.into_iter().for_each(&mut push);
+    let changes = (0..twice.len()).filter(|&n| twice[n] != (n > 0 && twice[n - 1]));
     let (x, y) = (
         frame.vector_out([1.0, 0.0].into()),
         frame.vector_out([0.0, 1.0].into()),
@@ -56,27 +44,36 @@ pub fn ground(frame: &Frame, swept: &Coverage) -> Ground {
         cell_mm: swept.cell_mm * block as f64,
         columns,
         rows,
-        rle: STANDARD.encode(runs),
+        twice: Steps::of(changes.map(|n| n as f64), 1.0),
     }
 }
 
-/// The greatest code in a block of cells: a small gap must not vanish.
-fn greatest(swept: &Coverage, [column, row]: [usize; 2], block: usize) -> u8 {
-    let end = |at: usize, most: usize| ((at + 1) * block).min(most);
-    let rows = row * block..end(row, swept.rows);
-    let cells = rows.flat_map(|row| {
-        let start = row * swept.columns;
-        &swept.cells[start + column * block..start + end(column, swept.columns)]
-    });
-    cells.map(code).max().unwrap_or(0)
-}
+#[cfg(test)]
+mod tests {
+    //! Goal: what was covered twice is where the raster has it. Method: rasters by hand, one finer than the page's cells.
+    use super::*;
 
-fn code(cell: &Cell) -> u8 {
-    match cell {
-        Cell::Outside => 0,
-        Cell::Covered => 1,
-        Cell::Overlap => 3,
-        Cell::Gap => 4,
-        Cell::Spill => 5,
+    fn of(columns: usize, rows: usize, twice: &[usize]) -> Ground {
+        let mut cells = vec![Cell::Covered; columns * rows];
+        twice.iter().for_each(|n| cells[*n] = Cell::Overlap);
+        let raster = Coverage {
+            origin: Point2::origin(),
+            cell_mm: 0.1,
+            columns,
+            rows,
+            cells,
+        };
+        ground(&Frame::IDENTITY, &raster)
+    }
+
+    #[test]
+    fn cells_covered_twice_are_runs() {
+        let steps = |numbers: &[f64]| Steps::of(numbers.iter().copied(), 1.0);
+        let (one, want) = (of(4, 3, &[0, 6, 7, 8]), steps(&[0.0, 1.0, 6.0, 9.0]));
+        assert_eq!((one.columns, one.rows, one.twice), (4, 3, want));
+        // Blocks of two by two cells, incomplete ones at the right and at the top.
+        let (one, want) = (of(1601, 3, &[1603, 4802]), steps(&[1.0, 2.0, 1601.0]));
+        assert_eq!((one.columns, one.rows, one.twice), (801, 2, want));
+        assert_eq!(one.cell_mm, 0.2);
     }
 }

@@ -329,7 +329,7 @@ fn layers_are_in_everything_that_tells_of_them() {
     });
     assert_eq!(reports[0], reports[1]);
     assert_ne!(reports[0][1], reports[0][2]);
-    assert!(reports[0][2][0]["rle"].as_str().is_some());
+    assert!(reports[0][2][0]["twice"].as_object().is_some());
 
     let svg = |layer| headway(&["export", path(&job), "--to", "svg", "--layer", layer]);
     assert_ne!(succeeded(&svg("1")), succeeded(&svg("2")));

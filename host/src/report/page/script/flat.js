@@ -89,14 +89,10 @@ const Flat = (() => {
   function groundImage(l, number) {
     const id = `${l.page} ${number}`;
     if (!images.has(id)) {
-      const g = l.ground[number], runs = Job.bytes(g.rle), canvas = document.createElement("canvas");
+      const g = l.ground[number], ends = Job.steps(g.twice), canvas = document.createElement("canvas");
       canvas.width = g.columns; canvas.height = g.rows;
       const context = canvas.getContext("2d"), image = context.createImageData(g.columns, g.rows), all = new Uint32Array(image.data.buffer);
-      for (let i = 0, cell = 0; i < runs.length; i += 3) {
-        const long = runs[i + 1] | (runs[i + 2] << 8);
-        if (runs[i] === 3) all.fill(0xff009fe6, cell, cell + long);
-        cell += long;
-      }
+      for (let i = 0; i < ends.length; i += 2) all.fill(0xff009fe6, ends[i], ends[i + 1]);
       context.putImageData(image, 0, 0);
       images.set(id, canvas);
     }

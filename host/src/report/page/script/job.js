@@ -103,5 +103,5 @@ const Job = (() => {
   const prints = (what) => what < TRAVEL;
   // The layers of the job, each by the page's layer that shows it; without those that have nothing.
   const stack = (data.stack || []).map((entry, number) => ({ ...entry, number })).filter((entry) => entry.seconds > 0 && data.layers[entry.page]);
-  return { data, NONE, TRAVEL, layer, bytes, pointAt, poseAt, prints, stack, tilted, upright };
+  return { data, NONE, TRAVEL, layer, steps, pointAt, poseAt, prints, stack, tilted, upright };
 })();
