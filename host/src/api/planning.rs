@@ -134,6 +134,7 @@ fn kept(
         return Err(Error::Stopped);
     }
     let (mut planned, packing) = (planned?, output.packing);
+    planned.note_idle_options(options);
     planned.notes.append(&mut blocks.notes);
     packed(planned, packing)
 }

@@ -5,6 +5,7 @@
 
 use super::Plan;
 use super::findings::gcode::gcode_findings;
+use super::findings::idle_options::idle_options;
 use super::findings::objections::Objection;
 use super::findings::part::part_findings;
 use super::findings::wide_beads::Laid;
@@ -28,6 +29,7 @@ use crate::report::job_texts::{
     LAYER_OUTLINES_TEXT, LayerOutlines, OUTLINE_TEXT, PASS_KINDS_TEXT, SETTINGS_TEXT,
     outline_from_json,
 };
+use crate::settings::options::Options;
 use crate::settings::{Settings, machine_file};
 use headway_firmware::configuration::JointConfiguration;
 
@@ -208,6 +210,13 @@ impl Planned {
             left_out: found.left_out,
             ..Planned::default()
         }
+    }
+
+    /// Notes the options that change nothing; their notes.
+    pub(crate) fn note_idle_options(&mut self, options: &Options) -> &[String] {
+        let read = self.notes.len();
+        self.notes.extend(idle_options(options, self));
+        &self.notes[read..]
     }
 
     /// The outline of a layer; empty if it is not known.

@@ -88,6 +88,12 @@ macro_rules! options {
                     }
                 )+)?)+
             }
+
+            /// The names of those that are given.
+            pub(crate) fn given(&self) -> impl Iterator<Item = &'static str> {
+                let given = [$(self.$field.is_some().then_some($long)),+];
+                given.into_iter().flatten()
+            }
         }
 
         /// The names of options on the command line, and of their fields.
@@ -271,6 +277,13 @@ impl Options {
             ("--brim", self.brim_loops.is_some()),
             ("--avoid-crossing", self.avoid_crossing.is_some()),
             ("--seam", self.seam.is_some()),
+            ("--seam-direction", self.seam_direction_rad.is_some()),
+            ("--skirt-distance-mm", self.skirt_distance_mm.is_some()),
+            ("--bridge-max", self.bridge_max_mm.is_some()),
+            ("--pass", self.pass_mode.is_some()),
+            ("--law", self.heading_law.is_some()),
+            ("--quality", self.quality.is_some()),
+            ("--overlap", self.overlap_pct.is_some()),
         ])
     }
 

@@ -33,6 +33,10 @@ pub(crate) enum RefuseName {
     LayerTime,
     /// A curve's outside gets more than --max-outer-inner-ratio times the inside.
     Curves,
+    /// An option that planning could not keep, such as --vase.
+    Options,
+    /// An area of a layer lies on nothing.
+    Floating,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]

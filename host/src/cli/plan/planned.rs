@@ -68,13 +68,14 @@ pub(crate) fn from_input(
             joint.position_max += wider;
         }
     }
-    let planned = planned_input(
+    let mut planned = planned_input(
         path,
         (reading, place, settings_args),
         settings,
         job,
         console,
     )?;
+    console.notes(planned.note_idle_options(&settings_args.options));
     Ok(Planned {
         own_joints: (!widened.is_empty()).then_some(own_joints),
         ..planned

@@ -21,6 +21,8 @@ impl AllowArgs {
             ObjectionKind::Fault => return false,
             ObjectionKind::LayerTime => return !self.refuse.contains(&RefuseName::LayerTime),
             ObjectionKind::Curves => return !self.refuse.contains(&RefuseName::Curves),
+            ObjectionKind::Options => return !self.refuse.contains(&RefuseName::Options),
+            ObjectionKind::Floating => return !self.refuse.contains(&RefuseName::Floating),
         };
         self.allow.contains(&name)
     }

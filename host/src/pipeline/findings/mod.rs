@@ -6,6 +6,7 @@
 //! adds.
 
 pub mod gcode;
+pub(crate) mod idle_options;
 pub mod left_out;
 pub mod objections;
 pub(crate) mod part;
@@ -87,6 +88,7 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
     warnings.extend(unwinding::note(&plan.route, &plan.transform, settings));
     warnings.extend(settings_warnings(settings));
     let laid = Laid::NOTHING.with(&plan.stream, settings);
+    warnings.extend(laid.rests_note(settings));
     let uses = layer_uses(plan, f64::from(settings.machine.servo_hz));
     let late = LateLayers::of(&uses, settings);
     let transform = &plan.transform;

@@ -24,6 +24,10 @@ pub enum ObjectionKind {
     Fault,
     /// A layer takes too long; refuses the job only on request.
     LayerTime,
+    /// An option is not kept; refuses the job only on request.
+    Options,
+    /// A layer has an area that lies on nothing; refuses the job only on request.
+    Floating,
     /// The ratio of outside to inside of a bead in a curve is too large; refuses the job only on request.
     Curves,
 }
@@ -46,6 +50,8 @@ impl ObjectionKind {
             ObjectionKind::Fault => "fault",
             ObjectionKind::LayerTime => "layer-time",
             ObjectionKind::Curves => "curves",
+            ObjectionKind::Options => "options",
+            ObjectionKind::Floating => "floating",
         }
     }
 

@@ -4,10 +4,12 @@
 
 use super::Findings;
 use super::left_out::left_out;
+use super::objections::{Objection, ObjectionKind};
 use super::settings_warnings::settings_warnings;
 use super::use_figures::{short_layers_note, stacked_figures, use_figures};
 use super::wide_beads::{Laid, LateLayers};
 use super::{sparse_figures, unreachable_note};
+use crate::geometry::Point2;
 use crate::geometry::polygon::Region;
 use crate::mesh::layers::SlicedPart;
 use crate::pipeline::mesh::{PLACES_MAX, PartPlan};
@@ -45,11 +47,13 @@ pub(crate) fn part_findings(
     let (open, unreachable) = (&planned.printed.open, &planned.printed.unreachable);
     let mut left_out = left_out(open, unreachable, &planned.printed.unreachable_layers);
     left_out.extend(laid.place(transform));
+    let mut objections = laid.objections(&late, transform, settings);
+    objections.extend(floating(part, planned));
     let mut warnings = warnings(part, planned, settings);
     warnings.extend(laid.rests_note(settings));
     Findings {
         figures: figures.merged_with(&wide),
-        objections: laid.objections(&late, transform, settings),
+        objections,
         warnings,
         unreachable: planned.printed.unreachable.clone(),
         left_out,
@@ -63,6 +67,40 @@ fn overhangs<'a>(
 ) -> impl Iterator<Item = (u32, &'a Overhang)> {
     let all = (0u32..).zip(&planned.overhangs);
     all.filter(|(layer, overhang)| part.wanted.contains(layer) && overhang.area_mm2 > 0.0)
+}
+
+/// Areas that no bead below holds, layers without any between others among their causes. The lowest layer that is printed
+/// lies on the bed.
+fn floating(part: &SlicedPart, planned: &PartPlan) -> Option<Objection> {
+    let above = part.wanted.start + 1..part.wanted.end;
+    let found = (0u32..).zip(&planned.overhangs);
+    let found = found.filter(|(layer, _)| above.contains(layer));
+    let found: Vec<(u32, f64, Point2)> = found
+        .filter_map(|(layer, overhang)| overhang.floating.map(|(mm2, at)| (layer, mm2, at)))
+        .collect();
+    let &(layer, mm2, at) = found.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let layers = match found.len() {
+        1 => format!("on layer {}", layer + 1),
+        count => format!("on {count} layers, the most on layer {}", layer + 1),
+    };
+    let below = &part.layers[..layer as usize];
+    let empty = below
+        .iter()
+        .rev()
+        .take_while(|layer| layer.regions.is_empty());
+    let empty = match empty.count() {
+        0 => String::new(),
+        1 => format!("; layer {layer} is empty"),
+        count => format!("; layers {} to {layer} are empty", layer + 1 - count as u32),
+    };
+    Some(Objection {
+        kind: ObjectionKind::Floating,
+        text: format!(
+            "FLOATS: {mm2:.2} mm² near ({:.2}, {:.2}, {:.2}) {layers} lie on nothing{empty}: turn the part (--rotate), or print \
+             supports with it",
+            at.x, at.y, part.layers[layer as usize].top_mm
+        ),
+    })
 }
 
 fn all_figures(

@@ -117,12 +117,24 @@ impl Laid {
         self.passes.saturating_sub(1 + self.went_on)
     }
 
-    /// Where a vase was asked for and is none: how many passes go on, and why others rest.
+    /// Where a vase was asked for and most layers do not go on into the next one.
+    fn rests(&self, late: &LateLayers, settings: &Settings) -> Option<Objection> {
+        let is_kept = self.went_on > 0 && 2 * self.went_on + 1 >= late.layers as u64;
+        (settings.wide_beads.continuous_z && !is_kept).then(|| Objection {
+            kind: ObjectionKind::Options,
+            text: format!(
+                "NO VASE: --vase is kept by {} of {} layers; the flow rests after the first one, at layers of several \
+                 passes or of an open one, and where the nozzle has to turn back between its stops",
+                self.went_on, late.layers
+            ),
+        })
+    }
+
+    /// Where a vase was asked for, and some layers rest.
     pub(crate) fn rests_note(&self, settings: &Settings) -> Option<String> {
         (settings.wide_beads.continuous_z && self.interruptions() > 0).then(|| {
             format!(
-                "--vase: {} of {} passes go on into the next one; the flow rests after the first layer, at layers of several \
-                 passes or of an open one, and where the nozzle has to turn back between its stops",
+                "--vase: {} of {} passes go on into the next one",
                 self.went_on, self.passes
             )
         })
@@ -136,7 +148,7 @@ impl Laid {
         settings: &Settings,
     ) -> Vec<Objection> {
         let wide = &settings.wide_beads;
-        let mut found = Vec::new();
+        let mut found: Vec<Objection> = self.rests(late, settings).into_iter().collect();
         if late.late > 0 {
             found.push(Objection {
                 kind: ObjectionKind::LayerTime,

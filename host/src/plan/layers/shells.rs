@@ -7,7 +7,7 @@
 
 use crate::geometry::Point2;
 use crate::geometry::apart::apart_mm;
-use crate::geometry::boolean::{difference, grown};
+use crate::geometry::boolean::{difference, grown, intersection};
 use crate::geometry::polygon::Region;
 use rayon::prelude::*;
 
@@ -64,6 +64,8 @@ pub struct Overhang {
     pub largest_mm2: f64,
     /// A place of that, input coordinates.
     pub at: Point2,
+    /// Regions that lie on nothing at all, mm², and a place of the largest.
+    pub floating: Option<(f64, Point2)>,
 }
 
 /// Distance from a bridge's area within which an area borders on it, mm: well above rounding.
@@ -80,9 +82,12 @@ pub fn overhangs(
     let layers = (0..outlines.len()).into_par_iter();
     let found = layers.map(|layer| {
         let below = layer.checked_sub(1).map(|below| outlines[below]);
+        let mut hanging = Overhang::default();
         let mut open = match below {
             Some(below) if apart_mm(outlines[layer], below, reach_mm).is_none() => {
-                difference(outlines[layer], &grown(below, reach_mm))
+                let holding = grown(below, reach_mm);
+                hanging.floating = floating(outlines[layer], &holding);
+                difference(outlines[layer], &holding)
             }
             _ => Vec::new(),
         };
@@ -95,7 +100,6 @@ pub fn overhangs(
             let bridged = grown(&bridges(layer), BESIDE_MM);
             open = difference(&open, &bridged);
         }
-        let mut hanging = Overhang::default();
         for region in &open {
             let area_mm2 = region.area_mm2();
             hanging.area_mm2 += area_mm2;
@@ -107,6 +111,16 @@ pub fn overhangs(
         hanging
     });
     found.collect()
+}
+
+/// The regions of a layer that nothing below holds: their area, mm², and a place of the largest.
+fn floating(layer: &[Region], holding: &[Region]) -> Option<(f64, Point2)> {
+    let floats = |region: &&Region| intersection(std::slice::from_ref(region), holding).is_empty();
+    let floating: Vec<&Region> = layer.iter().filter(floats).collect();
+    let area_mm2 = |region: &&Region| region.area_mm2();
+    let largest = (floating.iter()).max_by(|a, b| area_mm2(a).total_cmp(&area_mm2(b)))?;
+    let at = largest.exterior.points.first().copied()?;
+    Some((floating.iter().map(area_mm2).sum(), at))
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ mod curved_layers;
 mod dxf;
 mod gcode;
 mod gcode_axes;
+mod idle_options;
 mod meshes;
 mod projects;
 mod surfaces;
