@@ -68,8 +68,8 @@ def main():
         if part == "cube" and not mesh.exists():
             cube(mesh)
         gcode = sliced(mesh)
-        turned, off = planned(headway, gcode, "ellipse:0.6x0.2")
-        plain, _ = planned(headway, gcode, "circle:0.2")
+        turned, off = planned(headway, gcode, "ellipse:1.2x0.4")
+        plain, _ = planned(headway, gcode, "circle:0.4")
         estimate_s = turned["slicer_estimate_s"]
         times = [f"{f['print_s']:.0f}, {f['print_s'] / estimate_s:.2f}" for f in (turned, plain)]
         shares = [f"{100 * float(off[k]) / float(off[2]):.1f}" if off else "0" for k in (1, 3)]

@@ -78,7 +78,7 @@ def examples():
             yield path.name, [path, *machine("gantry")]
         elif path.name != "dome.stl" and path.suffix in (".json", ".geojson", ".svg", ".stl"):
             yield path.name, [path]
-    for shape in ("circle:0.2", "circle:0.4"):
+    for shape in ("circle:0.4", "circle:0.8"):
         yield f"gear.json {shape}", [own / "gear.json", "--aperture", shape]
 
 

@@ -12,7 +12,7 @@ pub fn run(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let part = Part::from_polygons("frame", &[vec![exterior, hole]])?;
     let mut options = Options::default();
     options.speed_mm_s = Some(40.0);
-    options.aperture = Some("ellipse:0.6x0.2".to_string());
+    options.aperture = Some("ellipse:1.2x0.4".to_string());
     let job = plan(&part, &Machine::default(), &options)?;
     for note in job.notes() {
         println!("note: {note}");

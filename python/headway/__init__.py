@@ -361,7 +361,7 @@ def plan(
     ``keep_out``, geometry as well, is what neither aperture nor nozzle body may enter; ``at_mm`` puts the
     origin there on the machine. ``progress`` is called in this thread; what it raises, and Ctrl-C, stop the
     planning. Other threads of Python run on. The options are those of the command, ``None`` leaves the
-    machine's: ``aperture`` ("ellipse:0.6x0.2", semi-axes), ``pass_mode`` ("two", "one"), ``heading_law``
+    machine's: ``aperture`` ("ellipse:1.2x0.4", full sizes in mm), ``pass_mode`` ("two", "one"), ``heading_law``
     ("tangent", "linear"), ``quality`` ("fine", "standard", "fast"), ``seam`` ("nearest", "aligned",
     "sharpest"); lines and solid layers go with ``walls``, ``copy_gap_mm`` with ``copies``.
     """

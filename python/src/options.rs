@@ -52,7 +52,7 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
         }
         let o = &mut options;
         match key.as_str() {
-            "aperture" => o.aperture = Some(read(&key, &value, "a text as in ellipse:0.6x0.2")?),
+            "aperture" => o.aperture = Some(read(&key, &value, "a text as in ellipse:1.2x0.4")?),
             "speed_mm_s" => o.speed_mm_s = Some(number(&key, &value)?),
             "wall_speed_mm_s" => o.wall_speed_mm_s = Some(number(&key, &value)?),
             "solid_speed_mm_s" => o.solid_speed_mm_s = Some(number(&key, &value)?),

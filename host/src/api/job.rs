@@ -58,7 +58,7 @@ impl Job {
             .map_err(|error| job_error(error.to_string()))?;
         let header = &file.header;
         let text = header.texts.get(SETTINGS_TEXT);
-        let settings = text.and_then(|text| machine_file::from_toml(text).ok());
+        let settings = text.and_then(|text| machine_file::from_job_toml(text).ok());
         let settings = Settings {
             machine: header.machine.clone(),
             machine_name: header.machine_name.clone(),

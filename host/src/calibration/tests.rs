@@ -124,7 +124,7 @@ fn what_makes_no_sense_is_refused_with_what_to_do() {
     let none = Asked::default();
     refused(PatternKind::Pivot, none, &planar, "heads that tilt", false);
     let round = Settings {
-        aperture: crate::settings::aperture_text::parse_aperture("circle:0.3").expect("round"),
+        aperture: crate::settings::aperture_text::parse_aperture("circle:0.6").expect("round"),
         ..planar.clone()
     };
     refused(PatternKind::Heading, none, &round, "round", false);

@@ -176,7 +176,7 @@ impl Planned {
     /// What a job file knows: its header, and its stream unpacked.
     pub fn of_job(header: &JobHeader, stream: SegmentStream, name: String) -> Planned {
         let text = |key: &str| header.texts.get(key).map(String::as_str);
-        let settings = text(SETTINGS_TEXT).and_then(|text| machine_file::from_toml(text).ok());
+        let settings = text(SETTINGS_TEXT).and_then(|text| machine_file::from_job_toml(text).ok());
         let outlines = text(LAYER_OUTLINES_TEXT).and_then(LayerOutlines::from_json);
         Planned {
             figures: serde_json::from_str(&header.figures_json).unwrap_or_default(),

@@ -94,11 +94,11 @@ impl TwoBeadWalls {
             settings.pass_mode == PassMode::Two && most <= (1.0 + SPANNED_SLACK) * 2.0 * major_mm;
         let by_option = if is_spanned { "--pass one or " } else { "" };
         Some(format!(
-            "walls of {} to {} mm take two beads of this nozzle: {by_option}a nozzle of ellipse:{}x{} lays them in one",
+            "walls of {} to {} mm take two beads of this nozzle: {by_option}an ellipse of {} x {} mm lays them in one",
             short(least),
             short(most),
-            short(wider_mm),
-            short(minor_mm)
+            short(2.0 * wider_mm),
+            short(2.0 * minor_mm)
         ))
     }
 }
@@ -127,9 +127,9 @@ mod tests {
         };
         assert_eq!(
             note(2.0, &settings),
-            "walls of 1.9 to 2 mm take two beads of this nozzle: --pass one or a nozzle of ellipse:1.167x0.3 lays them in one"
+            "walls of 1.9 to 2 mm take two beads of this nozzle: --pass one or an ellipse of 2.333 x 0.6 mm lays them in one"
         );
-        assert!(note(2.2, &settings).contains("nozzle: a nozzle of ellipse:1.25x0.3"));
+        assert!(note(2.2, &settings).contains("nozzle: an ellipse of 2.5 x 0.6 mm"));
         settings.pass_mode = PassMode::One;
         assert!(!note(2.0, &settings).contains("--pass one"));
     }

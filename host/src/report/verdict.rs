@@ -253,7 +253,7 @@ mod tests {
             tip_error_um_max: Some(9.2),
             time_share_by_limit: Some([("joint_c".to_string(), 0.5)].into()),
             against: Some(AgainstFigures {
-                aperture: "circle:0.4".to_string(),
+                aperture: "circle 0.8 mm".to_string(),
                 print_s: Some(7199.4),
             }),
             ..Figures::default()
@@ -264,7 +264,7 @@ mod tests {
             terminal_lines(&good),
             [
                 "Nothing was found against starting it.",
-                "Takes 60 min 00 s in 3 passes, 0.50 of the 2 h 00 min with circle:0.4.",
+                "Takes 60 min 00 s in 3 passes, 0.50 of the 2 h 00 min with circle 0.8 mm.",
                 "Lays 12.3 mm³ of material, 0.50 g; nothing is heated: the machine file has no [material].",
                 "The simulated steps stay within 9.2 µm of the plan.",
                 "50 % of the printing time is spent at the limit of joint c.",

@@ -1,6 +1,5 @@
-//! Apertures as the user writes them, all in mm: `ellipse:AxB` (semi-axes), `circle:R` (radius),
-//! `stadium:LxW` (a slot: full length and width), `rect:LxWxR` (full sizes, corner radius) and
-//! `polygon:FILE`.
+//! Apertures as the user writes them, full sizes in mm as nozzles are sold: `ellipse:LxW`, `circle:D`, `stadium:LxW` (a
+//! slot), `rect:LxWxR` (R: corner radius) and `polygon:FILE`.
 //!
 //! A polygon's file is read where files are read; what comes here is its text in place of its
 //! name: `polygon:[[x, y], ...]`, corners in mm about the tool's axis. That is also how machine
@@ -16,8 +15,8 @@ use crate::text::near_name::near_name;
 pub enum ApertureTextError {
     /// No `kind:size`.
     #[error(
-        "aperture '{text}': write ellipse:AxB (semi-axes in mm), circle:R (radius), stadium:LxW, \
-         rect:LxWxR (full sizes, corner radius) or polygon:FILE"
+        "aperture '{text}': write ellipse:LxW, circle:D, stadium:LxW (full sizes in mm), rect:LxWxR (with \
+         the corner radius) or polygon:FILE"
     )]
     Form {
         /// What was given.
@@ -83,13 +82,16 @@ pub fn parse_aperture(text: &str) -> Result<Aperture, ApertureTextError> {
     let (kind, rest) = text.split_once(':').ok_or_else(form)?;
     match kind.trim() {
         "circle" => {
-            let [radius_mm] = sizes(text, rest)?;
-            Ok(circle(radius_mm))
+            let [diameter_mm] = sizes(text, rest)?;
+            Ok(circle(diameter_mm / 2.0))
         }
         "ellipse" => {
-            let [major_mm, minor_mm] = sizes(text, rest)?;
-            in_order(text, "ellipse", major_mm, minor_mm)?;
-            Ok(Aperture::Ellipse { major_mm, minor_mm })
+            let [length_mm, width_mm] = sizes(text, rest)?;
+            in_order(text, "ellipse", length_mm, width_mm)?;
+            Ok(Aperture::Ellipse {
+                major_mm: length_mm / 2.0,
+                minor_mm: width_mm / 2.0,
+            })
         }
         "stadium" => {
             let [length_mm, width_mm] = sizes(text, rest)?;
@@ -231,30 +233,74 @@ fn corners(text: &str) -> Result<Vec<Vector2>, ApertureTextError> {
     Ok(points.into_iter().map(Vector2::from).collect())
 }
 
-/// Longest description of a nozzle that a line of text takes; a polygon may have hundreds of corners.
-const NOZZLE_CHARS_MAX: usize = 40;
-
-/// A nozzle and what it lays, in words: "nozzle ellipse:0.6x0.2, beads of 0.4 to 1.2 mm".
+/// A nozzle and what it lays, in words: "nozzle ellipse 1.2 x 0.4 mm, beads of 0.4 to 1.2 mm".
 pub fn nozzle_text(aperture: &Aperture) -> String {
-    let text = match aperture_text(aperture) {
-        text if text.chars().count() <= NOZZLE_CHARS_MAX => text,
-        _ => "polygon".to_string(),
-    };
-    let full_mm = |half_mm: f64| (2e2 * half_mm).round() / 1e2;
-    let [narrow, wide] = [aperture.minor_mm(), aperture.major_mm()].map(full_mm);
+    let text = aperture_words(aperture);
+    let [narrow, wide] = bead_widths_mm(aperture);
     match narrow == wide {
         true => format!("nozzle {text}, beads of {wide} mm"),
         false => format!("nozzle {text}, beads of {narrow} to {wide} mm"),
     }
 }
 
+/// The narrowest and the widest bead, to 0.01 mm.
+fn bead_widths_mm(aperture: &Aperture) -> [f64; 2] {
+    [aperture.minor_mm(), aperture.major_mm()].map(|half_mm| (2e2 * half_mm).round() / 1e2)
+}
+
+/// A nozzle as tables and verdicts have it: "ellipse 1.2 x 0.4 mm".
+pub fn aperture_words(aperture: &Aperture) -> String {
+    let size = |mm: f64| (1e4 * mm).round() / 1e4;
+    match aperture {
+        Aperture::Ellipse { major_mm, minor_mm } if major_mm == minor_mm => {
+            format!("circle {} mm", size(2.0 * major_mm))
+        }
+        Aperture::Ellipse { major_mm, minor_mm } => {
+            let [length, width] = [major_mm, minor_mm].map(|half_mm| size(2.0 * half_mm));
+            format!("ellipse {length} x {width} mm")
+        }
+        Aperture::Rounded(shape) => match shape.kind() {
+            Kind::Stadium([length, width]) => {
+                format!("stadium {} x {} mm", size(length), size(width))
+            }
+            Kind::Rectangle([length, width, radius]) => {
+                let corners = match size(radius) {
+                    0.0 => String::new(),
+                    radius => format!(" with corners of {radius} mm"),
+                };
+                format!("rectangle {} x {} mm{corners}", size(length), size(width))
+            }
+            Kind::Polygon => format!("polygon of {} corners", shape.corners().len()),
+        },
+    }
+}
+
+/// The same of an option's text, which is shown as it is where it is none.
+pub fn words_of(text: &str) -> String {
+    parse_aperture(text).map_or_else(|_| text.to_string(), |aperture| aperture_words(&aperture))
+}
+
+/// The text by full sizes of one by semi-axes, as machine files had ellipses and circles before their format 2.
+pub(super) fn from_semi_axes(text: &str) -> Option<String> {
+    let (kind, rest) = text.split_once(':')?;
+    let is_halved = ["ellipse", "circle"].contains(&kind.trim());
+    let sizes = rest
+        .split(['x', 'X'])
+        .map(|size| size.trim().parse::<f64>());
+    let sizes: Vec<f64> = sizes.collect::<Result<_, _>>().ok()?;
+    let doubled: Vec<String> = sizes.iter().map(|size| (2.0 * size).to_string()).collect();
+    is_halved.then(|| format!("{}:{}", kind.trim(), doubled.join("x")))
+}
+
 /// Writes what [`parse_aperture`] reads, a polygon with its corners.
 pub fn aperture_text(aperture: &Aperture) -> String {
     match aperture {
         Aperture::Ellipse { major_mm, minor_mm } if major_mm == minor_mm => {
-            format!("circle:{major_mm}")
+            format!("circle:{}", 2.0 * major_mm)
         }
-        Aperture::Ellipse { major_mm, minor_mm } => format!("ellipse:{major_mm}x{minor_mm}"),
+        Aperture::Ellipse { major_mm, minor_mm } => {
+            format!("ellipse:{}x{}", 2.0 * major_mm, 2.0 * minor_mm)
+        }
         Aperture::Rounded(shape) => match shape.kind() {
             Kind::Stadium([length, width]) => format!("stadium:{length}x{width}"),
             Kind::Rectangle([length, width, radius]) => format!("rect:{length}x{width}x{radius}"),
@@ -271,19 +317,19 @@ pub fn aperture_text(aperture: &Aperture) -> String {
 mod tests {
     use super::*;
 
-    /// Goal: the widest and the narrowest bead are those of the shape. Method: full sizes and semi-axes by hand.
+    /// Goal: the widest and the narrowest bead are those of the shape. Method: full sizes by hand.
     #[test]
     fn a_nozzle_says_its_beads() {
         for (text, expected) in [
             (
-                "ellipse:0.6x0.2",
-                "nozzle ellipse:0.6x0.2, beads of 0.4 to 1.2 mm",
+                "ellipse:1.2x0.4",
+                "nozzle ellipse 1.2 x 0.4 mm, beads of 0.4 to 1.2 mm",
             ),
-            ("circle:0.2", "nozzle circle:0.2, beads of 0.4 mm"),
+            ("circle:0.4", "nozzle circle 0.4 mm, beads of 0.4 mm"),
             // Along its diagonal: hypot(38, 18) + 2.
             (
                 "rect:40x20x1",
-                "nozzle rect:40x20x1, beads of 20 to 44.05 mm",
+                "nozzle rectangle 40 x 20 mm with corners of 1 mm, beads of 20 to 44.05 mm",
             ),
         ] {
             assert_eq!(nozzle_text(&parse_aperture(text).expect(text)), expected);
@@ -319,8 +365,8 @@ mod tests {
     #[test]
     fn round_shapes_are_what_they_are() {
         for (text, same) in [
-            ("stadium:0.8x0.8", "circle:0.4"),
-            ("rect:0.8x0.8x0.4", "circle:0.4"),
+            ("stadium:0.8x0.8", "circle:0.8"),
+            ("rect:0.8x0.8x0.4", "circle:0.8"),
             ("rect:1.2x0.4x0.2", "stadium:1.2x0.4"),
         ] {
             assert_eq!(parse_aperture(text), parse_aperture(same), "{text}");
@@ -344,8 +390,8 @@ mod tests {
     #[test]
     fn refusals_name_the_fault() {
         for (text, part) in [
-            ("0.6x0.2", "write ellipse:AxB"),
-            ("ellipse:0.6", "write ellipse:AxB"),
+            ("0.6x0.2", "write ellipse:LxW"),
+            ("ellipse:0.6", "write ellipse:LxW"),
             ("ellipse:0.2x0.6", "write ellipse:0.6x0.2"),
             ("ellipse:0.6x0", "'0' is not a size"),
             ("ellipse:0.6xnan", "'nan' is not a size"),
@@ -369,7 +415,7 @@ mod tests {
                 "polygon:{\"exterior\":[[-1,-1],[1,-1],[0,1]],\"holes\":[[[0,0]]]}",
                 "no holes",
             ),
-            ("star:3", "write ellipse:AxB"),
+            ("star:3", "write ellipse:LxW"),
         ] {
             let message = parse_aperture(text).expect_err(text).to_string();
             assert!(message.contains(part), "{text}: {message}");

@@ -268,8 +268,13 @@ impl Settings {
 
     fn check_process(&self) -> Result<(), SettingsError> {
         let (major, minor) = (self.aperture.major_mm(), self.aperture.minor_mm());
-        in_range("print.aperture (major semi-axis)", major, 0.01, 500.0)?;
-        in_range("print.aperture (minor semi-axis)", minor, 0.01, major)?;
+        in_range("print.aperture (long size)", 2.0 * major, 0.02, 1000.0)?;
+        in_range(
+            "print.aperture (short size)",
+            2.0 * minor,
+            0.02,
+            2.0 * major,
+        )?;
         PrintKeys::check(self)?;
         kinds::check(self)?;
         wide_beads::check(self)?;

@@ -37,8 +37,8 @@ const HEAT: Range = Within(0.0, HOTTEST_C);
 keys! {
     /// The command line overrides these (--aperture, --speed, ...).
     PrintKeys of Settings, "print" {
-        /// ellipse:AxB (semi-axes, the long one along tool X), circle:R, stadium:LxW, rect:LxWxR (full
-        /// sizes, corner radius) or polygon:FILE (corners about the tool's axis, beside this file)
+        /// ellipse:LxW, stadium:LxW (full sizes, the long one along tool X), circle:D, rect:LxWxR (with
+        /// the corner radius) or polygon:FILE (corners about the tool's axis, beside this file)
         aperture: ApertureWords = aperture, Any;
         /// All of the same outline.
         layers: CountFromTwo = layers, Within(1.0, LAYERS_MAX as f64);

@@ -41,8 +41,8 @@ macro_rules! options {
         #[cfg_attr(feature = "command", command(next_help_heading = "Settings"))]
         #[non_exhaustive]
         pub struct Options {
-            /// The nozzle's aperture, mm: `ellipse:AxB` (semi-axes), `circle:R`, `stadium:LxW`, `rect:LxWxR`
-            /// (full sizes, corner radius), `polygon:[[x,y],...]` (corners about the tool's axis).
+            /// The nozzle's aperture, full sizes in mm: `ellipse:LxW`, `circle:D`, `stadium:LxW`, `rect:LxWxR`
+            /// (with the corner radius), `polygon:[[x,y],...]` (corners about the tool's axis).
             #[cfg_attr(feature = "command", arg(skip))]
             pub aperture: Option<String>,
             $(
@@ -386,7 +386,7 @@ mod tests {
         let read = from_toml(&text).expect("a machine");
         assert_eq!(read, settings);
         let wider = Options {
-            aperture: Some("ellipse:0.9x0.3".to_string()),
+            aperture: Some("ellipse:1.8x0.6".to_string()),
             ..Options::default()
         };
         let wide = wider.over(read).expect("settings");

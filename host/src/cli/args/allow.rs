@@ -22,7 +22,7 @@ pub(crate) struct VerdictArgs {
     /// All figures and notes, the verdict before and after them.
     #[arg(long)]
     pub figures: bool,
-    /// Plan the part with this nozzle as well and compare the times, as in --against circle:0.2.
+    /// Plan the part with this nozzle as well and compare the times, as in --against circle:0.4.
     #[arg(long, value_name = "APERTURE")]
     pub against: Option<String>,
 }

@@ -9,10 +9,10 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  headway compare examples/bracket.json --aperture ellipse:0.6x0.2 --aperture circle:0.2 --aperture circle:0.4
-  headway compare part.stl --aperture rect:3x1.5x0.2 --aperture circle:0.75 --layer-height 0.5 --picture compare.svg
-  headway compare part.stl --aperture ellipse:0.6x0.2 --aperture circle:0.2 --heading-speed 300 --break-even
-  headway compare part.stl --aperture ellipse:0.6x0.2 --aperture circle:0.2 --to sliced.gcode")]
+  headway compare examples/bracket.json --aperture ellipse:1.2x0.4 --aperture circle:0.4 --aperture circle:0.8
+  headway compare part.stl --aperture rect:3x1.5x0.2 --aperture circle:1.5 --layer-height 0.5 --picture compare.svg
+  headway compare part.stl --aperture ellipse:1.2x0.4 --aperture circle:0.4 --heading-speed 300 --break-even
+  headway compare part.stl --aperture ellipse:1.2x0.4 --aperture circle:0.4 --to sliced.gcode")]
 pub(crate) struct CompareArgs {
     /// What is printed, as for `plan`. --aperture is given once for each nozzle.
     pub input: PathBuf,

@@ -51,7 +51,7 @@ const EXAMPLES: &str = "\
 Examples:
   headway simulate examples/u-part.json --report report
   headway plan part.svg --machine my-printer.toml --output part.hwj
-  headway headings part.json --aperture ellipse:0.6x0.2 --spacing 0.25 --output headings.csv
+  headway headings part.json --aperture ellipse:1.2x0.4 --spacing 0.25 --output headings.csv
   headway machine new --kind gantry --output my-printer.toml
   headway stream part.hwj --port /dev/ttyACM0
 
@@ -227,7 +227,7 @@ pub(crate) struct SettingsArgs {
     /// Machine file [default: a built-in planar machine; see `headway machine new`].
     #[arg(short, long, value_name = "MACHINE.toml")]
     pub machine: Option<PathBuf>,
-    /// Aperture, mm: ellipse:AxB (semi-axes), circle:R, stadium:LxW, rect:LxWxR (full sizes, corner
+    /// Aperture, full sizes in mm: ellipse:LxW, circle:D, stadium:LxW, rect:LxWxR (with the corner
     /// radius), polygon:FILE (a JSON list of corners about the tool's axis).
     #[arg(long, value_name = "SHAPE")]
     pub aperture: Vec<String>,
@@ -293,7 +293,7 @@ fn shard(text: &str) -> Result<Shard, String> {
 #[command(after_help = "\
 Examples:
   headway headings examples/taper.json --spacing 0.25 > headings.csv
-  headway headings part.svg --aperture ellipse:0.8x0.3 --pass one --law linear -o headings.csv")]
+  headway headings part.svg --aperture ellipse:1.6x0.6 --pass one --law linear -o headings.csv")]
 pub(crate) struct HeadingsArgs {
     /// Outline: polygon JSON, GeoJSON or SVG.
     pub input: PathBuf,

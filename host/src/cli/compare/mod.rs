@@ -17,6 +17,7 @@ use crate::pipeline::planned::Planned;
 use crate::report::compare_picture::{self, Bar};
 use crate::report::figures::Figures;
 use crate::report::plan_picture;
+use crate::settings::aperture_text::words_of;
 use serde::Serialize;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
@@ -71,8 +72,8 @@ impl Row {
     /// What the row is of.
     fn label(&self) -> String {
         match &self.sliced {
-            Some(name) => format!("{name}, {}", self.aperture),
-            None => self.aperture.clone(),
+            Some(name) => format!("{name}, {}", words_of(&self.aperture)),
+            None => words_of(&self.aperture),
         }
     }
 }
@@ -101,7 +102,7 @@ pub(crate) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
     };
     let mut rows = Vec::new();
     for aperture in apertures {
-        console.say(&format!("with {aperture}:"));
+        console.say(&format!("with {}:", words_of(aperture)));
         let settings = of_nozzle(&args.settings, aperture, axis);
         rows.push(match plan_with(args, &settings, console)? {
             Ok(planned) => row(args, aperture, &planned),
@@ -343,7 +344,7 @@ fn break_even(
     console: &Console,
 ) -> Result<String, CliError> {
     let round = rows.iter().filter(|row| row.is_round);
-    let round = round.filter_map(|row| Some((row.print_s?, &row.aperture)));
+    let round = round.filter_map(|row| Some((row.print_s?, words_of(&row.aperture))));
     let round = round.min_by(|a, b| a.0.total_cmp(&b.0));
     let turned = rows
         .iter()
@@ -356,7 +357,7 @@ fn break_even(
         let settings = of_nozzle(&args.settings, &turned.aperture, axis);
         console.say(&format!(
             "with {} and {slower:.2} of the heading axis:",
-            turned.aperture
+            words_of(&turned.aperture)
         ));
         let planned = plan_with(args, &settings, console)?.ok();
         let print_s = planned.and_then(|planned| planned.figures.print_s);
@@ -371,7 +372,7 @@ fn break_even(
             format!("a heading axis of {speed:.0}°/s and {acceleration:.0}°/s²")
         })
     };
-    let aperture = &turned.aperture;
+    let aperture = words_of(&turned.aperture);
     if turned.print_s.unwrap_or(f64::INFINITY) >= round_s {
         let axis = of_axis(1.0);
         return Ok(format!(

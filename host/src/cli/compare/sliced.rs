@@ -30,7 +30,7 @@ pub(crate) fn planned(
             path.display()
         )]);
     }
-    let aperture = format!("circle:{}", 0.5 * diameter_mm.unwrap_or(USUAL_MM));
+    let aperture = format!("circle:{}", diameter_mm.unwrap_or(USUAL_MM));
     let settings = SettingsArgs {
         machine: settings.machine.clone(),
         heading_axis: settings.heading_axis,

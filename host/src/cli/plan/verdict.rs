@@ -11,6 +11,7 @@ use crate::pipeline::findings::objections::{Objection, ObjectionKind};
 use crate::pipeline::planned::Planned;
 use crate::report::figures::{AgainstFigures, Figures};
 use crate::report::verdict as report;
+use crate::settings::aperture_text::words_of;
 
 impl AllowArgs {
     /// Objections of this kind do not refuse the job.
@@ -112,7 +113,7 @@ pub(crate) fn compare(
         Err(_) => None,
     };
     figures.against = Some(AgainstFigures {
-        aperture: aperture.clone(),
+        aperture: words_of(aperture),
         print_s,
     });
     Ok(())

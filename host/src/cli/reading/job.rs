@@ -44,7 +44,7 @@ pub(crate) fn read(path: &Path) -> Result<Job, CliError> {
             .unwrap_or_else(|| stem(path)),
         settings: texts
             .get(SETTINGS_TEXT)
-            .and_then(|text| machine_file::from_toml(text).ok()),
+            .and_then(|text| machine_file::from_job_toml(text).ok()),
         file,
     })
 }

@@ -6,7 +6,7 @@
 //! keys default to the built-in machine's. This file is the only place where degrees become
 //! radians.
 
-use super::aperture_text::ApertureTextError;
+use super::aperture_text::{ApertureTextError, from_semi_axes};
 use super::check::joint_names;
 use super::error::SettingsError;
 use super::groups::{
@@ -85,6 +85,21 @@ pub enum MachineFileError {
     /// Axes of the files that are read.
     #[error("gcode.axes: {0}")]
     Axes(#[from] AxesError),
+    /// An ellipse or a circle of a file that may mean semi-axes.
+    #[error(
+        "print.aperture: \"{given}\" is by semi-axes or a radius, as files without a format were; sizes are full ones now. \
+         Write these two lines, the first one at the head of the file (where {given} are full sizes already, the first \
+         one alone):\nformat = 2\naperture = \"{full}\""
+    )]
+    SemiAxes {
+        /// What the file has.
+        given: String,
+        /// The same nozzle by full sizes.
+        full: String,
+    },
+    /// A format that is not known.
+    #[error("format: {0} is not one that this program reads; it writes 2")]
+    Format(u32),
     /// The aperture cannot be read.
     #[error("print.aperture: {0}")]
     Aperture(#[from] ApertureTextError),
@@ -111,10 +126,37 @@ fn toml_problem(text: &str, error: &toml::de::Error) -> String {
     )
 }
 
+/// What a file has that gives ellipses and circles by full sizes.
+const FORMAT: u32 = 2;
+
 /// Reads and checks a machine file.
 pub fn from_toml(text: &str) -> Result<Settings, MachineFileError> {
-    let file: File =
-        toml::from_str(text).map_err(|error| MachineFileError::Toml(toml_problem(text, &error)))?;
+    let file = read(text)?;
+    match file.by_semi_axes() {
+        Some((given, full)) => Err(MachineFileError::SemiAxes { given, full }),
+        None => checked(file),
+    }
+}
+
+/// The settings of a job, whose text is that of the version which wrote it: without a format it has semi-axes.
+pub fn from_job_toml(text: &str) -> Result<Settings, MachineFileError> {
+    let mut file = read(text)?;
+    if let Some((_, full)) = file.by_semi_axes() {
+        file.print.aperture = Some(full);
+    }
+    checked(file)
+}
+
+fn read(text: &str) -> Result<File, MachineFileError> {
+    let file = toml::from_str(text);
+    let file: File = file.map_err(|error| MachineFileError::Toml(toml_problem(text, &error)))?;
+    match file.format {
+        None | Some(FORMAT) => Ok(file),
+        Some(other) => Err(MachineFileError::Format(other)),
+    }
+}
+
+fn checked(file: File) -> Result<Settings, MachineFileError> {
     let settings = file.into_settings()?;
     settings.check()?;
     Ok(settings)
@@ -123,6 +165,7 @@ pub fn from_toml(text: &str) -> Result<Settings, MachineFileError> {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
+    format: Option<u32>,
     name: String,
     board: Option<String>,
     kinematics: FileKinematics,
@@ -180,6 +223,13 @@ struct WorkArea {
 }
 
 impl File {
+    /// Of a file of the first format an ellipse or a circle: its text, and that by full sizes.
+    fn by_semi_axes(&self) -> Option<(String, String)> {
+        let given = self.print.aperture.as_ref()?;
+        let full = self.format.is_none().then(|| from_semi_axes(given))?;
+        Some((given.clone(), full?))
+    }
+
     /// Where the input lies is the command line's.
     fn into_settings(self) -> Result<Settings, MachineFileError> {
         let default = Settings::default();
@@ -311,6 +361,33 @@ mod tests {
     pub(super) fn planar_with(groups: &str) -> Result<Settings, String> {
         let text = to_toml(&Settings::planar()) + groups;
         from_toml(&text).map_err(|error| error.to_string())
+    }
+
+    /// Goal: no file by semi-axes becomes half its nozzle. Method: files without a format, read as a person's and as a job's.
+    #[test]
+    fn a_file_by_semi_axes_is_refused_and_read_in_jobs() {
+        let new = to_toml(&Settings::planar());
+        for (old, full) in [
+            ("ellipse:0.6x0.2", "ellipse:1.2x0.4"),
+            ("circle:0.25", "circle:0.5"),
+        ] {
+            let text = new.replace("ellipse:1.2x0.4", full);
+            let by_half = text.replace("format = 2\n", "").replace(full, old);
+            assert_ne!(by_half, text);
+            let refused = from_toml(&by_half).expect_err(old).to_string();
+            let lines = format!("\nformat = 2\naperture = \"{full}\"");
+            assert!(refused.ends_with(&lines), "{refused}");
+            assert_eq!(from_job_toml(&by_half), from_toml(&text));
+            assert_eq!(from_job_toml(&text), from_toml(&text));
+        }
+        // A slot had its full sizes.
+        let slot = new.replace("ellipse", "stadium");
+        assert_eq!(
+            from_toml(&slot.replace("format = 2\n", "")),
+            from_toml(&slot)
+        );
+        let later = from_toml(&new.replace("format = 2", "format = 3"));
+        assert_eq!(later, Err(MachineFileError::Format(3)));
     }
 
     /// Goal: a fan whose pulses nobody counts is not waited for. Method: the key with each named board, and with a board
@@ -481,9 +558,9 @@ mod tests {
                 "beyond the joint",
             ),
             (
-                "\"ellipse:0.6x0.2\"",
-                "\"ellipse:0.2x0.6\"",
-                "write ellipse:0.6x0.2",
+                "\"ellipse:1.2x0.4\"",
+                "\"ellipse:0.4x1.2\"",
+                "write ellipse:1.2x0.4",
             ),
             (
                 "prime_rate_mm3_s = 30",

@@ -86,6 +86,7 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
         text,
         "# Limits are the machine's own; the plan uses plan_share of each."
     )?;
+    writeln!(text, "format = {}", super::FORMAT)?;
     writeln!(text, "name = {}", quoted(&s.machine_name))?;
     if let Some(board) = s.board {
         writeln!(text, "board = {}", quoted(board.text()))?;

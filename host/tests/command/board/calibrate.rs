@@ -470,7 +470,7 @@ fn options_of_other_things_are_refused() {
         ),
         (&["steps", "--lines", "5"], 2, "--lines does not go"),
         (&["heading", "--walls", "2"], 2, "--walls"),
-        (&["heading", "--aperture", "circle:0.3"], 1, "round"),
+        (&["heading", "--aperture", "circle:0.6"], 1, "round"),
         (&["prime", "--length", "900"], 1, "--length"),
         (&["prime", "--at", "100,x,0"], 2, "--at"),
     ];

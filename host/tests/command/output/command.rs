@@ -143,7 +143,7 @@ fn mistakes_of_a_first_day_are_answered_with_the_remedy() {
 fn compare_says_what_each_nozzle_takes() {
     let folder = folder("compare");
     let taper = example("taper.json");
-    let nozzles = ["ellipse:0.6x0.2", "circle:0.3", "circle:20"];
+    let nozzles = ["ellipse:1.2x0.4", "circle:0.6", "circle:40"];
     let with: Vec<&str> = nozzles
         .iter()
         .flat_map(|nozzle| ["--aperture", nozzle])
@@ -201,7 +201,7 @@ fn compare_says_what_each_nozzle_takes() {
         "{}",
         stderr(&check)
     );
-    let alone = headway(&["compare", &taper, "--aperture", "circle:0.3"]);
+    let alone = headway(&["compare", &taper, "--aperture", "circle:0.6"]);
     assert_eq!(alone.status.code(), Some(2));
     std::fs::remove_dir_all(folder).expect("clean up");
 }
@@ -210,7 +210,7 @@ fn compare_says_what_each_nozzle_takes() {
 /// layers of an outline against one; the walls of a sparse part, whose ground is nearly all covered.
 #[test]
 fn open_ground_is_that_of_all_layers() {
-    let nozzles = ["--aperture", "ellipse:0.6x0.2", "--aperture", "circle:0.3"];
+    let nozzles = ["--aperture", "ellipse:1.2x0.4", "--aperture", "circle:0.6"];
     let open_mm2 = |input: &str, more: &[&str]| -> f64 {
         let arguments = [&["compare", input, "--json"], &nozzles[..], more].concat();
         let rows: Vec<serde_json::Value> =
@@ -346,7 +346,7 @@ fn a_polygon_aperture_comes_from_its_file() {
     let on_the_line = succeeded(&headway(&arguments));
     let new = succeeded(&headway(&["machine", "new"]));
     let machine = folder.join("machine.toml");
-    let own = new.replace("ellipse:0.6x0.2", "polygon:drop.json");
+    let own = new.replace("ellipse:1.2x0.4", "polygon:drop.json");
     assert_ne!(own, new);
     std::fs::write(&machine, own).expect("file");
     let in_the_file = ["headings", &taper, "--spacing", "2", "-m", path(&machine)];

@@ -124,12 +124,12 @@ fn what_a_command_reads_is_not_written() {
         ),
         (of(&["view", page, "--no-open", "--report", report]), page),
         (
-            of(&["compare", input, a, "circle:1", a, "circle:2", p, input]),
+            of(&["compare", input, a, "circle:2", a, "circle:4", p, input]),
             input,
         ),
         (
             of(&[
-                "compare", input, "--to", start, a, "circle:1", a, "circle:2", p, start,
+                "compare", input, "--to", start, a, "circle:2", a, "circle:4", p, start,
             ]),
             start,
         ),
@@ -343,7 +343,7 @@ fn results_replace_results_of_their_kind_and_nothing_else() {
     let [table, steps, picture, report, out, man, firmware] = names.map(|name| own.at(name));
     let export = ["export", job, "--every-ms", "200", "-o", &out, "--to"];
     let to = |more: &[&'static str]| [&export[..], more].concat();
-    let nozzles = ["--aperture", "circle:0.4", "--aperture", "circle:0.5"];
+    let nozzles = ["--aperture", "circle:0.8", "--aperture", "circle:1"];
     let headings = ["headings", input, "--spacing", "5", "-o", &table];
     let commands: Vec<(Vec<&str>, &str)> = vec![
         (vec!["plan", input, "-o", job], "job.hwj"),
@@ -413,7 +413,7 @@ fn a_missing_folder_is_reported_before_the_work() {
     let own = Inputs::new("missing");
     let out = own.at("no-such/out");
     let (input, job) = (&*own.input, &*own.job);
-    let nozzles = ["--aperture", "circle:0.4", "--aperture", "circle:0.5"];
+    let nozzles = ["--aperture", "circle:0.8", "--aperture", "circle:1"];
     let compare = [&["compare", input, "--picture", &out], &nozzles[..]].concat();
     let commands: [&[&str]; 8] = [
         &["plan", input, "-o", &out],

@@ -392,12 +392,12 @@ fn a_cold_nozzle_is_said_first_and_a_round_one_stands_beside() {
     assert_eq!(figures["verdict"]["reasons"][0], first_line(&said));
     assert!(!figures.contains_key("objections"));
 
-    let against = ["--against", "circle:0.3"];
+    let against = ["--against", "circle:0.6"];
     let round = [
         "plan",
         &taper,
         "--aperture",
-        "circle:0.3",
+        "circle:0.6",
         "-o",
         path(&job),
         "--json",
@@ -411,14 +411,14 @@ fn a_cold_nozzle_is_said_first_and_a_round_one_stands_beside() {
     let ratio = figures["print_s"].as_f64().expect("seconds") / round_s;
     let time = figures["verdict"]["lines"][0].as_str().expect("a line");
     assert!(time.contains(&format!(", {ratio:.2} of the ")), "{time}");
-    assert!(time.ends_with("with circle:0.3."), "{time}");
-    let said = succeeded(&headway(&["simulate", &taper, "--against", "circle:20"]));
+    assert!(time.ends_with("with circle 0.6 mm."), "{time}");
+    let said = succeeded(&headway(&["simulate", &taper, "--against", "circle:40"]));
     assert!(
-        said.contains("; it cannot be printed with circle:20."),
+        said.contains("; it cannot be printed with circle 40 mm."),
         "{said}"
     );
     assert!(said.contains("The simulated steps stay within "), "{said}");
-    let of_job = headway(&["simulate", path(&job), "--against", "circle:0.3"]);
+    let of_job = headway(&["simulate", path(&job), "--against", "circle:0.6"]);
     assert_eq!(of_job.status.code(), Some(2), "{}", stderr(&of_job));
 }
 

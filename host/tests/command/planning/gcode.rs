@@ -224,7 +224,7 @@ fn a_comparison_has_the_slicers_own_file_beside_it() {
     std::fs::write(&sliced, square() + "; nozzle_diameter = 0.5\n").expect("written");
     let outline = "{\"units\": \"mm\", \"exterior\": [[0, 0], [6, 0], [6, 6], [0, 6]]}";
     std::fs::write(&part, outline).expect("written");
-    let with = ["--aperture", "ellipse:0.6x0.2", "--aperture", "circle:0.25"];
+    let with = ["--aperture", "ellipse:1.2x0.4", "--aperture", "circle:0.5"];
     let compare = [&["compare", path(&part), "--to", path(&sliced)], &with[..]].concat();
     let rows: serde_json::Value =
         serde_json::from_str(&succeeded(&headway(&[&compare[..], &["--json"]].concat())))
@@ -233,14 +233,14 @@ fn a_comparison_has_the_slicers_own_file_beside_it() {
     let own = &rows[2];
     assert_eq!(
         (&own["sliced"], &own["aperture"]),
-        (&"square.gcode".into(), &"circle:0.25".into())
+        (&"square.gcode".into(), &"circle:0.5".into())
     );
     assert_eq!(own["slicer_estimate_s"], 6.0);
     let plan = [
         "plan",
         path(&sliced),
         "--aperture",
-        "circle:0.25",
+        "circle:0.5",
         "-o",
         path(&job),
         "--json",
@@ -258,7 +258,7 @@ fn a_comparison_has_the_slicers_own_file_beside_it() {
     let picture = folder.join("compare.svg");
     let more = ["--picture", path(&picture), "--density", "2"];
     let table = succeeded(&headway(&[&compare[..], &more].concat()));
-    assert!(table.contains("square.gcode, circle:0.25"), "{table}");
+    assert!(table.contains("square.gcode, circle 0.5 mm"), "{table}");
     assert!(table.contains("its slicer estimates 6.0 s"), "{table}");
     assert!(!table.contains("PLA"), "{table}");
     let drawn = std::fs::read_to_string(&picture).expect("a picture");

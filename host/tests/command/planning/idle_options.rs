@@ -147,7 +147,7 @@ fn idle_options_say_why() {
         told.contains("--seam aligned") && told.contains("--skirt N"),
         "{told}"
     );
-    let told = notes(&["--aperture", "circle:0.2", "--law", "linear"]);
+    let told = notes(&["--aperture", "circle:0.4", "--law", "linear"]);
     assert!(told.contains("a round nozzle has no heading"), "{told}");
 }
 

@@ -33,7 +33,7 @@ fn apertures() -> Vec<(String, OracleAperture, [f64; 2])> {
     let corners = |x: f64, y: f64| vec![[x, -y], [x, y], [-x, y], [-x, -y]];
     vec![
         (
-            "circle:0.4".to_string(),
+            "circle:0.8".to_string(),
             OracleAperture::Ellipse([0.4, 0.4]),
             [95.5, 84.3],
         ),

@@ -5,7 +5,8 @@
 use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::Target;
-use headway::job::file;
+use headway::job::{SegmentStream, file};
+use headway::pipeline::planned::Planned;
 use headway::plan_target;
 use headway::settings::{Settings, machine_file};
 use headway_protocol::units::{CHANNEL_VOLUME, Units};
@@ -18,6 +19,9 @@ const OLD_JOB: &[u8] = include_bytes!("../../../data/jobs/bar-protocol-9.hwj");
 fn a_job_of_protocol_version_9_makes_the_steps_that_it_made_then() {
     let job = file::read(&mut Cursor::new(OLD_JOB)).expect("an old job");
     assert_eq!(job.header.protocol_version, 9);
+    // Its nozzle was written by semi-axes.
+    let planned = Planned::of_job(&job.header, SegmentStream::default(), String::new());
+    assert_eq!(planned.settings.aperture, Settings::default().aperture);
     let stream = job.stream().expect("its stream");
     assert_eq!(stream.units, Units::BASE);
     assert_eq!(job.frames.job(), job.header.job);
