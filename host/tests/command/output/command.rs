@@ -24,7 +24,7 @@ fn wrong_usage_is_2_an_impossible_job_is_1() {
         (
             &["simulate", &taper, "--aperture", "star:3"],
             2,
-            "ellipse:AxB",
+            "ellipse:LxW",
         ),
         (
             &["simulate", &taper, "--speed", "-5"],
