@@ -185,7 +185,7 @@ options! {
     /// Loops around the first layer that touch it, printed before it.
     "brim" "N" brim_loops: u32 [allow_negative_numbers = true]
         => skirt|brim_loops;
-    /// Factor on all coordinates of the input.
+    /// Travel stays inside the part where there is a way.
     "avoid-crossing" "BOOL" avoid_crossing: bool [num_args = 0..=1, require_equals = true, default_missing_value = "true"]
         => avoid_crossing;
     /// Where loops begin and end.

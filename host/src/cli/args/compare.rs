@@ -12,7 +12,7 @@ Examples:
   headway compare examples/bracket.json --aperture ellipse:1.2x0.4 --aperture circle:0.4 --aperture circle:0.8
   headway compare part.stl --aperture rect:3x1.5x0.2 --aperture circle:1.5 --layer-height 0.5 --picture compare.svg
   headway compare part.stl --aperture ellipse:1.2x0.4 --aperture circle:0.4 --heading-speed 300 --break-even
-  headway compare part.stl --aperture ellipse:1.2x0.4 --aperture circle:0.4 --to sliced.gcode")]
+  headway compare part.stl --aperture ellipse:1.2x0.4 --sliced sliced.gcode")]
 pub(crate) struct CompareArgs {
     /// What is printed, as for `plan`. --aperture is given once for each nozzle.
     pub input: PathBuf,
@@ -30,7 +30,15 @@ pub(crate) struct CompareArgs {
     /// A slicer's G-code of the same part, timed along its own lines with its round nozzle, and the slicer's own
     /// estimate where its comments have one.
     #[arg(long, value_name = "SLICED.gcode")]
-    pub to: Option<PathBuf>,
+    pub sliced: Option<PathBuf>,
+    /// Thickness of the walls, mm: each nozzle gets as many --walls as that takes.
+    #[arg(
+        long,
+        value_name = "MM",
+        allow_negative_numbers = true,
+        conflicts_with = "walls"
+    )]
+    pub shell: Option<f64>,
     /// Density of the material, g/cm³ [default: the machine file's, else 1.24, PLA].
     #[arg(long, value_name = "G_CM3", allow_negative_numbers = true)]
     pub density: Option<f64>,

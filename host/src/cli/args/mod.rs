@@ -234,6 +234,9 @@ pub(crate) struct SettingsArgs {
     /// What `compare` makes of the heading axis.
     #[arg(skip)]
     pub heading_axis: Option<HeadingAxis>,
+    /// Fast where no option asks for another quality, as `compare` plans.
+    #[arg(skip)]
+    pub is_draft: bool,
     #[command(flatten)]
     pub options: Options,
 }

@@ -17,8 +17,11 @@ use crate::pipeline::planned::Planned;
 use crate::report::compare_picture::{self, Bar};
 use crate::report::figures::Figures;
 use crate::report::plan_picture;
+use crate::settings::Quality;
 use crate::settings::aperture_text::words_of;
+use clap::ValueEnum;
 use serde::Serialize;
+use sliced::SlicedFile;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 
@@ -30,6 +33,12 @@ const PLACED_MAX: usize = 700;
 const PLA_G_CM3: f64 = 1.24;
 /// Densities that are taken, as in a machine file.
 const DENSITIES: RangeInclusive<f64> = 0.001..=30.0;
+/// Shells that are taken.
+const SHELLS_MM: RangeInclusive<f64> = 0.01..=1000.0;
+/// Of a wall: what a shell may be thinner by, as roundings of its size are.
+const SHELL_SLACK: f64 = 0.05;
+/// Parts whose masses differ by more are hardly the same.
+const MASS_RATIO: f64 = 1.05;
 /// Halvings of the range of speeds: the last is 1.07 times the one before.
 const HALVINGS: usize = 6;
 
@@ -80,9 +89,10 @@ impl Row {
 
 pub(crate) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError> {
     let apertures = &args.settings.aperture;
-    if apertures.len() < 2 {
+    if apertures.len() + usize::from(args.sliced.is_some()) < 2 || apertures.is_empty() {
         return Err(CliError::Usage(
-            "compare needs --aperture at least twice, once for each nozzle".to_string(),
+            "compare needs --aperture at least twice, once for each nozzle, or once beside --sliced"
+                .to_string(),
         ));
     }
     let file = args
@@ -95,24 +105,17 @@ pub(crate) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
             "--density {density}: write 0.001 to 30 g/cm³"
         )));
     }
+    if let Some(shell_mm) = args.shell.filter(|of| !SHELLS_MM.contains(of)) {
+        return Err(CliError::Usage(format!(
+            "--shell {shell_mm}: write 0.01 to 1000 mm"
+        )));
+    }
     let axis = HeadingAxis {
         speed_max_rad_s: args.heading_speed.map(f64::to_radians),
         acceleration_max_rad_s2: args.heading_acceleration.map(f64::to_radians),
         slower: 1.0,
     };
-    let mut rows = Vec::new();
-    for aperture in apertures {
-        console.say(&format!("with {}:", words_of(aperture)));
-        let settings = of_nozzle(&args.settings, aperture, axis);
-        rows.push(match plan_with(args, &settings, console)? {
-            Ok(planned) => row(args, aperture, &planned),
-            Err(refused) => Row {
-                aperture: aperture.clone(),
-                refused: Some(refused),
-                ..Row::default()
-            },
-        });
-    }
+    let rows = planned_rows(args, axis, console)?;
     if rows.iter().all(|row| row.refused.is_some()) {
         let reasons = rows.iter().filter_map(|row| row.refused.as_deref());
         return Err(CliError::Job(reasons.collect::<Vec<_>>().join("\n")));
@@ -121,17 +124,6 @@ pub(crate) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
         true => Some(break_even(args, axis, &rows, console)?),
         false => None,
     };
-    if let Some(path) = &args.to {
-        console.say(&format!("with {}:", path.display()));
-        let settings = of_nozzle(&args.settings, "", axis);
-        let (aperture, planned) = sliced::planned(args, path, &settings, console)?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        rows.push(Row {
-            sliced: Some(name.into_owned()),
-            slicer_estimate_s: planned.figures.slicer_estimate_s,
-            ..row(args, &aperture, &planned)
-        });
-    }
     if let Some(file) = &file {
         file.write(picture(args, &rows).as_bytes())?;
     }
@@ -141,19 +133,85 @@ pub(crate) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
             break_even.iter().for_each(|line| console.say(line));
             console.result(&(text + "\n"))
         }
-        false => {
-            console.result(&(table(&rows, args) + &break_even.map_or(String::new(), |l| l + "\n")))
-        }
+        false => console
+            .result(&(below_table(&rows, args) + &break_even.map_or(String::new(), |l| l + "\n"))),
     }
 }
 
-/// The settings of one of the nozzles.
-fn of_nozzle(settings: &SettingsArgs, aperture: &str, axis: HeadingAxis) -> SettingsArgs {
-    SettingsArgs {
+/// Plans with each nozzle, and the slicer's file. The row of each is printed when it is there: what is ended with Ctrl-C keeps
+/// those above.
+fn planned_rows(
+    args: &CompareArgs,
+    axis: HeadingAxis,
+    console: &Console,
+) -> Result<Vec<Row>, CliError> {
+    let apertures = &args.settings.aperture;
+    let sliced = args
+        .sliced
+        .as_ref()
+        .map(|path| SlicedFile::read(path, console));
+    let sliced = sliced.transpose()?;
+    let names = apertures.iter().map(|aperture| words_of(aperture));
+    let of_file = |file: &SlicedFile| format!("{}, {}", file.name(), words_of(&file.aperture));
+    let names: Vec<String> = names.chain(sliced.as_ref().map(of_file)).collect();
+    let widest = names.iter().map(|name| name.chars().count()).max();
+    let width = widest.unwrap_or(0).max("nozzle".len());
+    let mut rows: Vec<Row> = Vec::new();
+    if !args.json {
+        console.result(&table_head(width))?;
+    }
+    for (number, name) in names.iter().enumerate() {
+        console.say(&format!("with {name} ({} of {}):", number + 1, names.len()));
+        let row = match (apertures.get(number), &sliced) {
+            (Some(aperture), _) => {
+                let settings = of_nozzle(args, aperture, axis)?;
+                match plan_with(args, &settings, console)? {
+                    Ok(planned) => row(args, aperture, &planned),
+                    Err(refused) => Row {
+                        aperture: aperture.clone(),
+                        refused: Some(refused),
+                        ..Row::default()
+                    },
+                }
+            }
+            (None, Some(sliced)) => {
+                let planned = sliced.planned(args, axis, console)?;
+                Row {
+                    sliced: Some(sliced.name()),
+                    slicer_estimate_s: planned.figures.slicer_estimate_s,
+                    ..row(args, &sliced.aperture, &planned)
+                }
+            }
+            (None, None) => continue,
+        };
+        let first_s = rows.iter().find_map(|row| row.print_s);
+        if !args.json {
+            console.result(&table_row(&row, first_s.or(row.print_s), width))?;
+        }
+        rows.push(row);
+    }
+    Ok(rows)
+}
+
+/// The settings of one of the nozzles: fast where nothing asks for another quality, and with as many walls as --shell needs.
+fn of_nozzle(
+    args: &CompareArgs,
+    aperture: &str,
+    axis: HeadingAxis,
+) -> Result<SettingsArgs, CliError> {
+    let mut settings = SettingsArgs {
         aperture: vec![aperture.to_string()],
         heading_axis: Some(axis),
-        ..settings.clone()
+        is_draft: true,
+        ..args.settings.clone()
+    };
+    if let Some(shell_mm) = args.shell {
+        // Lines inside need walls to be inside of.
+        settings.options.walls = Some(1);
+        let widest_mm = 2.0 * load::settings(&settings)?.aperture.major_mm();
+        settings.options.walls = Some((shell_mm / widest_mm - SHELL_SLACK).ceil().max(1.0) as u32);
     }
+    Ok(settings)
 }
 
 /// Plans with one nozzle; why the part cannot be printed with it is no error. Options that are wrong are wrong for all.
@@ -259,38 +317,69 @@ fn picture(args: &CompareArgs, rows: &[Row]) -> String {
     compare_picture::draw(&name, &bars.collect::<Vec<_>>())
 }
 
-/// The rows, the time of each against the first's.
-fn table(rows: &[Row], args: &CompareArgs) -> String {
-    let width = rows.iter().map(|row| row.label().chars().count()).max();
-    let width = width.unwrap_or(0).max("aperture".len());
-    let mut text = format!(
+/// The first line of the table.
+fn table_head(width: usize) -> String {
+    format!(
         "{:width$}  {:>9}  {:>5}  {:>9}  {:>14}  {:>13}  {:>7}\n",
-        "aperture", "time s", "ratio", "open mm²", "unreachable mm", "interruptions", "mass g"
-    );
-    let first_s = rows.iter().find_map(|row| row.print_s);
+        "nozzle", "time s", "ratio", "open mm²", "unreachable mm", "interruptions", "mass g"
+    )
+}
+
+/// A row, its time against the first's.
+fn table_row(row: &Row, first_s: Option<f64>, width: usize) -> String {
     let number = |value: Option<f64>, digits: usize| {
         value.map_or("-".to_string(), |value| format!("{value:.digits$}"))
     };
-    for row in rows {
-        let ratio = row.print_s.zip(first_s).map(|(own, first)| own / first);
-        let interruptions = row.flow_interruptions.map(|count| count as f64);
-        let _ = writeln!(
-            text,
-            "{:width$}  {:>9}  {:>5}  {:>9}  {:>14}  {:>13}  {:>7}",
-            row.label(),
-            number(row.print_s, 1),
-            number(ratio, 2),
-            number(row.open_mm2, 2),
-            number(row.unreachable_mm, 1),
-            number(interruptions, 0),
-            number(row.mass_g, 2),
-        );
-        if let Some(reason) = &row.refused {
-            let _ = writeln!(text, "  cannot be printed with it: {reason}");
-        }
-        if let Some(seconds) = row.slicer_estimate_s {
-            let _ = writeln!(text, "  its slicer estimates {seconds:.1} s");
-        }
+    let ratio = row.print_s.zip(first_s).map(|(own, first)| own / first);
+    let interruptions = row.flow_interruptions.map(|count| count as f64);
+    let mut text = format!(
+        "{:width$}  {:>9}  {:>5}  {:>9}  {:>14}  {:>13}  {:>7}\n",
+        row.label(),
+        number(row.print_s, 1),
+        number(ratio, 2),
+        number(row.open_mm2, 2),
+        number(row.unreachable_mm, 1),
+        number(interruptions, 0),
+        number(row.mass_g, 2),
+    );
+    if let Some(reason) = &row.refused {
+        let _ = writeln!(text, "  cannot be printed with it: {reason}");
+    }
+    if let Some(seconds) = row.slicer_estimate_s {
+        let _ = writeln!(text, "  its slicer estimates {seconds:.1} s");
+    }
+    text
+}
+
+/// What the words of the table mean, and what all rows have in common.
+fn below_table(rows: &[Row], args: &CompareArgs) -> String {
+    let mut text = String::from(
+        "ratio: to the first time; open: solid area that stays uncovered; unreachable: boundary that the nozzle cannot touch; \
+         interruptions: stops of the flow between beads\n",
+    );
+    let quality = args.settings.options.quality.unwrap_or(Quality::Fast);
+    let name = quality.to_possible_value();
+    let name = name.as_ref().map_or("", |value| value.get_name());
+    if rows.iter().any(|row| row.sliced.is_none()) {
+        let more = match quality {
+            Quality::Fast => "; `plan` is standard by itself, --quality standard compares so",
+            _ => "",
+        };
+        let _ = writeln!(text, "planned with --quality {name}{more}");
+    }
+    let masses = rows.iter().filter_map(|row| row.mass_g);
+    let [least, most] = masses.fold([f64::INFINITY, 0.0], |[least, most]: [f64; 2], mass| {
+        [least.min(mass), most.max(mass)]
+    });
+    if most > MASS_RATIO * least {
+        let pct = 100.0 * (most / least - 1.0);
+        let how = match args.shell {
+            Some(_) => "",
+            None => {
+                ": two walls of one nozzle are not two of another; --shell MM gives all the same shell"
+            }
+        };
+        let _ = writeln!(text, "the parts differ by {pct:.0} % in mass{how}");
     }
     if let Some(line) = heading_line(rows, args) {
         text += &line;
@@ -354,7 +443,7 @@ fn break_even(
     };
     let turned_s = |slower: f64| -> Result<f64, CliError> {
         let axis = HeadingAxis { slower, ..axis };
-        let settings = of_nozzle(&args.settings, &turned.aperture, axis);
+        let settings = of_nozzle(args, &turned.aperture, axis)?;
         console.say(&format!(
             "with {} and {slower:.2} of the heading axis:",
             words_of(&turned.aperture)
@@ -363,7 +452,7 @@ fn break_even(
         let print_s = planned.and_then(|planned| planned.figures.print_s);
         Ok(print_s.unwrap_or(f64::INFINITY))
     };
-    let settings = load::settings(&of_nozzle(&args.settings, &turned.aperture, axis))?;
+    let settings = load::settings(&of_nozzle(args, &turned.aperture, axis)?)?;
     let of_axis = |slower: f64| {
         let joint = settings.heading_joint();
         joint.map_or("the heading axis".to_string(), |joint| {

@@ -3,58 +3,80 @@
 //! In: G-code, the machine of the comparison. Out: its job with a round nozzle of the file's diameter, and what
 //! the slicer estimates. Leaves out ground that stays open: the file has no outline to tell it from.
 
-use crate::cli::args::compare::CompareArgs;
+use crate::cli::args::compare::{CompareArgs, HeadingAxis};
 use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::planned;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
 use crate::pipeline::planned::Planned;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Diameter of a nozzle that a file does not name, mm: what most printers have.
 const USUAL_MM: f64 = 0.4;
 
-/// Plans the file along its own lines; the nozzle's description comes with it.
-pub(crate) fn planned(
-    args: &CompareArgs,
-    path: &Path,
-    settings: &SettingsArgs,
-    console: &Console,
-) -> Result<(String, Planned), CliError> {
-    let text = load::read_text(path)?;
-    let diameter_mm = nozzle_diameter_mm(&text);
-    if diameter_mm.is_none() {
-        console.notes(&[format!(
-            "{}: names no nozzle_diameter; {USUAL_MM} mm is taken",
+/// A slicer's file, and the nozzle that it was made for.
+pub(crate) struct SlicedFile {
+    path: PathBuf,
+    /// As an option has it.
+    pub(crate) aperture: String,
+}
+
+impl SlicedFile {
+    /// Looks for the nozzle that the file names.
+    pub(crate) fn read(path: &Path, console: &Console) -> Result<SlicedFile, CliError> {
+        let diameter_mm = nozzle_diameter_mm(&load::read_text(path)?);
+        if diameter_mm.is_none() {
+            console.notes(&[format!(
+                "{}: names no nozzle_diameter; {USUAL_MM} mm is taken",
+                path.display()
+            )]);
+        }
+        Ok(SlicedFile {
+            path: path.to_path_buf(),
+            aperture: format!("circle:{}", diameter_mm.unwrap_or(USUAL_MM)),
+        })
+    }
+
+    /// Its name without folders.
+    pub(crate) fn name(&self) -> String {
+        let name = self.path.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    }
+
+    /// Plans the file along its own lines.
+    pub(crate) fn planned(
+        &self,
+        args: &CompareArgs,
+        axis: HeadingAxis,
+        console: &Console,
+    ) -> Result<Planned, CliError> {
+        let path = &self.path;
+        let settings = SettingsArgs {
+            machine: args.settings.machine.clone(),
+            heading_axis: Some(axis),
+            aperture: vec![self.aperture.clone()],
+            ..SettingsArgs::default()
+        };
+        let reading = InputArgs {
+            from: None,
+            units: None,
+            scale: 1.0,
+            repair: false,
+            rotate: None,
+            dxf_layer: Vec::new(),
+            ..args.reading.clone()
+        };
+        let place = PlaceArgs::default();
+        let planned = planned::from_input(path, &reading, &place, &settings, &[], None, console)?;
+        if planned.outline.is_empty() && planned.plan.is_none() {
+            return Ok(planned);
+        }
+        Err(CliError::Usage(format!(
+            "--sliced {}: give a slicer's G-code",
             path.display()
-        )]);
+        )))
     }
-    let aperture = format!("circle:{}", diameter_mm.unwrap_or(USUAL_MM));
-    let settings = SettingsArgs {
-        machine: settings.machine.clone(),
-        heading_axis: settings.heading_axis,
-        aperture: vec![aperture.clone()],
-        ..SettingsArgs::default()
-    };
-    let reading = InputArgs {
-        from: None,
-        units: None,
-        scale: 1.0,
-        repair: false,
-        rotate: None,
-        dxf_layer: Vec::new(),
-        ..args.reading.clone()
-    };
-    let place = PlaceArgs::default();
-    let planned = planned::from_input(path, &reading, &place, &settings, &[], None, console)?;
-    if planned.outline.is_empty() && planned.plan.is_none() {
-        return Ok((aperture, planned));
-    }
-    Err(CliError::Usage(format!(
-        "--to {}: give a slicer's G-code",
-        path.display()
-    )))
 }
 
 /// What a slicer's comment says: `; nozzle_diameter = 0.4`, of several the first.

@@ -11,7 +11,7 @@ use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptio
 use crate::mesh::MeshFormat;
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::options::Options;
-use crate::settings::{Settings, machine_file};
+use crate::settings::{Quality, Settings, machine_file};
 use crate::text::plain::plain;
 use std::fs::File;
 use std::io::Read;
@@ -32,8 +32,10 @@ pub(crate) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
     }
     let aperture = args.aperture.first();
     let aperture = aperture.map(|text| with_polygon(text, Path::new("")));
+    let draft = args.is_draft.then_some(Quality::Fast);
     let options = Options {
         aperture: aperture.transpose()?,
+        quality: args.options.quality.or(draft),
         ..args.options.clone()
     };
     let settings = options.over(of_machine);

@@ -149,7 +149,8 @@ fn compare_says_what_each_nozzle_takes() {
         .flat_map(|nozzle| ["--aperture", nozzle])
         .collect();
     let rows = |more: &[&str]| -> Vec<serde_json::Value> {
-        let arguments = [&["compare", &taper, "--json"], with.as_slice(), more].concat();
+        let compare = ["compare", &taper, "--json", "--quality=standard"];
+        let arguments = [&compare, with.as_slice(), more].concat();
         serde_json::from_str(&succeeded(&headway(&arguments))).expect("a list")
     };
     let picture = folder.join("compare.svg");
@@ -206,13 +207,45 @@ fn compare_says_what_each_nozzle_takes() {
     std::fs::remove_dir_all(folder).expect("clean up");
 }
 
+/// Goal: nozzles are compared at the same shell where it is asked for, and the table says what it compares. Method: a
+/// ring's shell of 1.2 mm with a wide and a narrow nozzle, by walls and by millimetres.
+#[test]
+fn nozzles_are_compared_at_the_same_shell() {
+    let folder = folder("same_shell");
+    let file = folder.join("square.json");
+    let square = r#"{"units":"mm","exterior":[[0,0],[30,0],[30,30],[0,30]]}"#;
+    std::fs::write(&file, square).expect("written");
+    let square = path(&file);
+    let table = |more: &[&str]| {
+        let compare = ["compare", square, "--infill-density", "0"];
+        let nozzles = ["--aperture", "ellipse:1.2x0.4", "--aperture", "circle:0.4"];
+        succeeded(&headway(&[&compare[..], &nozzles[..], more].concat()))
+    };
+    let by_walls = table(&["--walls", "1"]);
+    assert!(by_walls.contains("ellipse 1.2 x 0.4 mm "), "{by_walls}");
+    assert!(
+        by_walls.contains("in mass: two walls of one nozzle"),
+        "{by_walls}"
+    );
+    assert!(
+        by_walls.contains("planned with --quality fast; "),
+        "{by_walls}"
+    );
+    let by_shell = table(&["--shell", "1.2"]);
+    assert!(!by_shell.contains("in mass"), "{by_shell}");
+    let both = ["--shell", "1.2", "--walls", "1"];
+    let refused = headway(&[&["compare", square, "--aperture=circle:1"], &both[..]].concat());
+    assert_eq!(refused.status.code(), Some(2));
+}
+
 /// Goal: what `compare` calls open is that of all layers, without what a sparse infill leaves open on purpose. Method: three
 /// layers of an outline against one; the walls of a sparse part, whose ground is nearly all covered.
 #[test]
 fn open_ground_is_that_of_all_layers() {
     let nozzles = ["--aperture", "ellipse:1.2x0.4", "--aperture", "circle:0.6"];
     let open_mm2 = |input: &str, more: &[&str]| -> f64 {
-        let arguments = [&["compare", input, "--json"], &nozzles[..], more].concat();
+        let compare = ["compare", input, "--json", "--quality=standard"];
+        let arguments = [&compare, &nozzles[..], more].concat();
         let rows: Vec<serde_json::Value> =
             serde_json::from_str(&succeeded(&headway(&arguments))).expect("a list");
         rows[0]["open_mm2"].as_f64().expect("an area")

@@ -129,7 +129,7 @@ fn what_a_command_reads_is_not_written() {
         ),
         (
             of(&[
-                "compare", input, "--to", start, a, "circle:2", a, "circle:4", p, start,
+                "compare", input, "--sliced", start, a, "circle:2", a, "circle:4", p, start,
             ]),
             start,
         ),

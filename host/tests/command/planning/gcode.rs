@@ -225,7 +225,11 @@ fn a_comparison_has_the_slicers_own_file_beside_it() {
     let outline = "{\"units\": \"mm\", \"exterior\": [[0, 0], [6, 0], [6, 6], [0, 6]]}";
     std::fs::write(&part, outline).expect("written");
     let with = ["--aperture", "ellipse:1.2x0.4", "--aperture", "circle:0.5"];
-    let compare = [&["compare", path(&part), "--to", path(&sliced)], &with[..]].concat();
+    let compare = [
+        &["compare", path(&part), "--sliced", path(&sliced)],
+        &with[..],
+    ]
+    .concat();
     let rows: serde_json::Value =
         serde_json::from_str(&succeeded(&headway(&[&compare[..], &["--json"]].concat())))
             .expect("a list");
@@ -266,7 +270,24 @@ fn a_comparison_has_the_slicers_own_file_beside_it() {
     assert!(
         drawn.contains("its slicer&apos;s estimate") || drawn.contains("its slicer's estimate")
     );
-    let outline = headway(&[&["compare", path(&part), "--to", path(&part)], &with[..]].concat());
+    let one = [
+        "compare",
+        path(&part),
+        "--sliced",
+        path(&sliced),
+        "--aperture=circle:0.5",
+    ];
+    assert_eq!(
+        succeeded(&headway(&one)).matches("circle 0.5 mm").count(),
+        2
+    );
+    let outline = headway(
+        &[
+            &["compare", path(&part), "--sliced", path(&part)],
+            &with[..],
+        ]
+        .concat(),
+    );
     assert_eq!(outline.status.code(), Some(2), "{}", stderr(&outline));
 }
 
