@@ -275,6 +275,12 @@ impl Settings {
             0.02,
             2.0 * major,
         )?;
+        if self.layer_height_mm > 2.0 * major {
+            return Err(SettingsError::HighLayers {
+                height_mm: self.layer_height_mm,
+                widest_mm: 2.0 * major,
+            });
+        }
         PrintKeys::check(self)?;
         kinds::check(self)?;
         wide_beads::check(self)?;

@@ -94,6 +94,18 @@ pub enum SettingsError {
         /// The most possible.
         high: f64,
     },
+    /// Layers higher than any bead is wide.
+    #[error(
+        "print.layer_height_mm (--layer-height) is {}, but a bead of this aperture is at most {} mm wide: give lower layers, or \
+         a wider nozzle (--aperture; sizes are full ones, in mm)",
+        Short(*height_mm), Short(*widest_mm)
+    )]
+    HighLayers {
+        /// What was given.
+        height_mm: f64,
+        /// The widest bead.
+        widest_mm: f64,
+    },
     /// Corners of waypoints rounded by more than a bead.
     #[error(
         "tolerances.corner_mm (--corner-tolerance) is {}, but must be from 0, which leaves corners as they are, \

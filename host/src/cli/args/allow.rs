@@ -35,6 +35,8 @@ pub(crate) enum RefuseName {
     Curves,
     /// An option that planning could not keep, such as --vase.
     Options,
+    /// A layer is higher than 0.8 of the narrowest bead.
+    LayerHeight,
     /// An area of a layer lies on nothing.
     Floating,
 }

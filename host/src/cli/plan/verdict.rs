@@ -14,16 +14,22 @@ use crate::report::verdict as report;
 use crate::settings::aperture_text::words_of;
 
 impl AllowArgs {
+    /// A finding that is not asked to refuse the job.
+    fn keeps(&self, finding: RefuseName) -> bool {
+        !self.refuse.contains(&finding)
+    }
+
     /// Objections of this kind do not refuse the job.
     fn allows(&self, kind: ObjectionKind) -> bool {
         let name = match kind {
             ObjectionKind::Touches => AllowName::Touches,
             ObjectionKind::Range => AllowName::Range,
             ObjectionKind::Fault => return false,
-            ObjectionKind::LayerTime => return !self.refuse.contains(&RefuseName::LayerTime),
-            ObjectionKind::Curves => return !self.refuse.contains(&RefuseName::Curves),
-            ObjectionKind::Options => return !self.refuse.contains(&RefuseName::Options),
-            ObjectionKind::Floating => return !self.refuse.contains(&RefuseName::Floating),
+            ObjectionKind::LayerTime => return self.keeps(RefuseName::LayerTime),
+            ObjectionKind::Curves => return self.keeps(RefuseName::Curves),
+            ObjectionKind::Options => return self.keeps(RefuseName::Options),
+            ObjectionKind::Floating => return self.keeps(RefuseName::Floating),
+            ObjectionKind::LayerHeight => return self.keeps(RefuseName::LayerHeight),
         };
         self.allow.contains(&name)
     }

@@ -37,6 +37,12 @@ pub(crate) fn check_bead_height(
     settings: &Settings,
 ) -> Result<(), CliError> {
     let most_mm = 2.0 * settings.aperture.major_mm();
+    if heights.first_mm > most_mm {
+        return Err(CliError::Usage(format!(
+            "--first-layer-height {}: this aperture's widest bead is {most_mm:.3} mm wide: give a lower height",
+            heights.first_mm
+        )));
+    }
     let steep = heights.ranges.iter().find(|range| range.layer_mm > most_mm);
     steep.map_or(Ok(()), |range| {
         Err(CliError::Usage(format!(

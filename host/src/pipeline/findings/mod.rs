@@ -41,7 +41,7 @@ use crate::settings::Settings;
 use left_out::{left_out, longest_first};
 use objections::Objection;
 use run_notes::{corner_figures, run_notes};
-use settings_warnings::settings_warnings;
+use settings_warnings::{high_layers, settings_warnings};
 use use_figures::{short_layers_note, stacked_figures, use_figures};
 use wide_beads::{Laid, LateLayers};
 
@@ -95,6 +95,7 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
     let wide = laid.figures(&late, plan.figures.volume_mm3, transform, settings);
     let mut objections = objections::of_plan(plan);
     objections.extend(laid.objections(&late, transform, settings));
+    objections.extend(high_layers(settings.layer_height_mm, settings));
     let mut left_out = left_out(&open, &unreachable, &[]);
     left_out.extend(laid.place(transform));
     let figures = Figures {

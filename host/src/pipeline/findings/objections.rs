@@ -26,6 +26,8 @@ pub enum ObjectionKind {
     LayerTime,
     /// An option is not kept; refuses the job only on request.
     Options,
+    /// Layers are too high for the narrowest bead; refuses the job only on request.
+    LayerHeight,
     /// A layer has an area that lies on nothing; refuses the job only on request.
     Floating,
     /// The ratio of outside to inside of a bead in a curve is too large; refuses the job only on request.
@@ -52,6 +54,7 @@ impl ObjectionKind {
             ObjectionKind::Curves => "curves",
             ObjectionKind::Options => "options",
             ObjectionKind::Floating => "floating",
+            ObjectionKind::LayerHeight => "layer-height",
         }
     }
 

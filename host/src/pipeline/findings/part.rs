@@ -5,7 +5,7 @@
 use super::Findings;
 use super::left_out::left_out;
 use super::objections::{Objection, ObjectionKind};
-use super::settings_warnings::settings_warnings;
+use super::settings_warnings::{high_layers, settings_warnings};
 use super::use_figures::{short_layers_note, stacked_figures, use_figures};
 use super::wide_beads::{Laid, LateLayers};
 use super::{sparse_figures, unreachable_note};
@@ -49,6 +49,8 @@ pub(crate) fn part_findings(
     left_out.extend(laid.place(transform));
     let mut objections = laid.objections(&late, transform, settings);
     objections.extend(floating(part, planned));
+    let heights_mm = part.wanted_layers().iter().map(|layer| layer.height_mm);
+    objections.extend(high_layers(heights_mm.fold(0.0, f64::max), settings));
     let mut warnings = warnings(part, planned, settings);
     warnings.extend(laid.rests_note(settings));
     Findings {

@@ -1,7 +1,11 @@
 //! Warnings about settings that are valid but hardly intended: mostly a number in another unit.
 
+use super::objections::{Objection, ObjectionKind};
 use crate::settings::{Settings, joint_names};
+use crate::text::short_number::Short;
 
+/// Highest layer against the narrowest bead, as guides of slicers have it for the nozzle's diameter.
+const HEIGHT_SHARE: f64 = 0.8;
 /// Longest step of a joint against half the aperture's least width: beyond it beads show the steps.
 const STEP_SHARE: f64 = 0.25;
 /// Longest step of a joint that turns, degrees.
@@ -9,21 +13,25 @@ const STEP_DEG: f64 = 2.0;
 
 /// One line for each.
 pub(crate) fn settings_warnings(settings: &Settings) -> Vec<String> {
-    steep_layers(settings)
+    coarse_steps(settings)
         .into_iter()
-        .chain(coarse_steps(settings))
         .chain(weak_motor(settings))
         .collect()
 }
 
-fn steep_layers(settings: &Settings) -> Option<String> {
-    let widest_mm = 2.0 * settings.aperture.major_mm();
-    let height_mm = settings.layer_height_mm;
-    (height_mm > widest_mm).then(|| {
-        format!(
-            "the layers are {height_mm} mm high and a bead at most {widest_mm:.3} mm wide: is that so \
-             (--layer-height is in mm)?"
-        )
+/// Layers so high that the narrowest beads are hardly wider than high, which do not hold.
+pub(super) fn high_layers(height_mm: f64, settings: &Settings) -> Option<Objection> {
+    let narrow_mm = 2.0 * settings.aperture.minor_mm();
+    let most_mm = HEIGHT_SHARE * narrow_mm;
+    (height_mm > most_mm * (1.0 + 1e-9)).then(|| {
+        let [height, narrow, most] = [height_mm, narrow_mm, most_mm].map(Short);
+        Objection {
+            kind: ObjectionKind::LayerHeight,
+            text: format!(
+                "HIGH LAYERS: layers of {height} mm are higher than {HEIGHT_SHARE} of the narrowest bead of this nozzle ({narrow} \
+                 mm), and such beads do not hold: give layers of at most {most} mm (--layer-height), or a wider nozzle"
+            ),
+        }
     })
 }
 

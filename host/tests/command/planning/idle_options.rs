@@ -151,6 +151,40 @@ fn idle_options_say_why() {
     assert!(told.contains("a round nozzle has no heading"), "{told}");
 }
 
+/// Goal: layers that no bead lies well in come first in the verdict, those that none can lay are refused. Method: heights
+/// below and above 0.8 of the narrowest bead of 0.4 mm, and above the widest of 1.2 mm, with and without a mesh.
+#[test]
+fn layers_that_no_nozzle_lays_are_told() {
+    let folder = folder("high_layers");
+    let strip = outline(&folder, "[[0, 0], [6, 0], [6, 0.9], [0, 0.9]]");
+    let plate = folder.join("plate.stl");
+    let corners = [[0.0, 0.0, 0.0], [6.0, 0.9, 0.72]];
+    std::fs::write(&plate, stl(box_triangles(corners))).expect("written");
+    for input in [&strip[..], path(&plate)] {
+        let reasons = |height: &str| {
+            let figures = object(&planned(&folder, &[&[input, "--layer-height", height]]));
+            figures["verdict"]["reasons"].to_string()
+        };
+        assert_eq!(reasons("0.32"), "[]");
+        let told = reasons("0.36");
+        assert!(
+            told.starts_with("[\"HIGH LAYERS: layers of 0.36 mm"),
+            "{told}"
+        );
+        for (more, status) in [
+            (["0.36", "--refuse=layer-height"], 1),
+            (["1.3", "--figures"], 2),
+        ] {
+            let asked = [&[input, "--layer-height"][..], &more[..]];
+            assert_eq!(
+                planned(&folder, &asked).status.code(),
+                Some(status),
+                "{input} {more:?}"
+            );
+        }
+    }
+}
+
 /// Goal: what lies on nothing is a reason not to start, with its place, and refuses on request. Method: a plate above
 /// another one with layers between them that are empty, and one that stands.
 #[test]
