@@ -1,12 +1,13 @@
 //! Why a command ends without its result, and its exit status then.
 
+use std::io::ErrorKind;
 use std::process::ExitCode;
 
 /// Why a command ends without its result.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
     /// The options make no sense (exit status 2).
-    #[error("{0}\n  see headway --help")]
+    #[error("{0}")]
     Usage(String),
     /// The job cannot be done as requested (exit status 1).
     #[error("{0}")]
@@ -22,7 +23,7 @@ pub enum CliError {
         place: String,
     },
     /// A file cannot be read or written (exit status 1).
-    #[error("{path}: {problem}")]
+    #[error("{path}: {}", in_words(problem))]
     File {
         /// The file.
         path: String,
@@ -43,5 +44,14 @@ impl CliError {
             }
             CliError::OutputClosed => ExitCode::SUCCESS,
         }
+    }
+}
+
+/// What the system says, without its numbers where it is plain.
+fn in_words(problem: &std::io::Error) -> String {
+    match problem.kind() {
+        ErrorKind::NotFound => "there is no such file".to_string(),
+        ErrorKind::PermissionDenied => "you may not read or write it".to_string(),
+        _ => problem.to_string(),
     }
 }

@@ -16,6 +16,7 @@ mod reading;
 mod shell;
 mod stream;
 mod terminal;
+mod wrong_number;
 
 use args::{Arguments, Command};
 use clap::{CommandFactory, FromArgMatches};
@@ -33,6 +34,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let (arguments, matches) = match parsed.map_err(|error| error.format(&mut command)) {
         Ok(parsed) => parsed,
         Err(error) => {
+            if let Some(told) = wrong_number::told(&error) {
+                eprintln!("error: {told}");
+                return ExitCode::from(2);
+            }
             let wrong = error.use_stderr();
             // Help to a closed pipe is not an error.
             let _ = error.print();
@@ -61,6 +66,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Err(error) => {
             if !matches!(error, CliError::OutputClosed) {
                 console.say(&format!("error: {error}"));
+            }
+            if let (CliError::Usage(_), Some(name)) = (&error, matches.subcommand_name()) {
+                console.say(&format!("  see headway {name} --help"));
             }
             error.exit_code()
         }

@@ -52,6 +52,14 @@ pub enum InputError {
         /// The file.
         path: String,
     },
+    /// Another file of this program, or a folder.
+    #[error("'{path}' is {what}")]
+    NoInput {
+        /// The file.
+        path: String,
+        /// What it is, and what to do with it.
+        what: &'static str,
+    },
     /// The text does not follow the format.
     #[error("not a readable {format} file: {problem}")]
     Syntax {

@@ -32,7 +32,10 @@ struct File {
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, InputError> {
     let file: File = serde_json::from_slice(bytes).map_err(|error| InputError::Syntax {
         format: "polygon JSON",
-        problem: error.to_string(),
+        problem: match error.is_eof() {
+            true => format!("{error}: it is cut off; copy or export it again"),
+            false => error.to_string(),
+        },
     })?;
     check_keys(&file.others)?;
     let unit_mm = units(options, file.units.as_deref())?.mm();

@@ -23,7 +23,7 @@ pub enum ApertureTextError {
         text: String,
     },
     /// A size is not a number, or not positive.
-    #[error("aperture '{text}': '{size}' is not a size in mm greater than 0")]
+    #[error("aperture '{text}': '{size}' is not a size in mm greater than 0, as in 0.4")]
     Size {
         /// What was given.
         text: String,

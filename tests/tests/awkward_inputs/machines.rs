@@ -17,7 +17,11 @@ pub fn cases() -> Vec<Case> {
     vec![
         of("the file that Headway writes", plain.clone(), Taken),
         of("CR LF", plain.replace('\n', "\r\n"), Taken),
-        of("nothing", String::new(), Refused("missing field `name`")),
+        of(
+            "nothing",
+            String::new(),
+            Refused("the key `name` is missing"),
+        ),
         of(
             "a clock that stands",
             with("servo_hz", "0"),
@@ -41,7 +45,7 @@ pub fn cases() -> Vec<Case> {
         of(
             "a key that nobody knows",
             "sped = 1\n".to_string() + &plain,
-            Refused("unknown field `sped`"),
+            Refused("unknown key `sped`"),
         ),
         of(
             "a line that is none",

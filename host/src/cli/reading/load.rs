@@ -141,11 +141,23 @@ pub(crate) fn input(
         Some(FormatName::Gcode) => Format::Gcode,
         None => Format::of_ending(path).ok_or_else(|| {
             let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
-            let path = path.display().to_string();
+            let (path, is_folder) = (path.display().to_string(), path.is_dir());
             let error = match ending.to_str() {
                 Some("step" | "stp" | "iges" | "igs" | "f3d" | "fcstd" | "sldprt") => {
                     InputError::CadFormat { path }
                 }
+                Some("hwj") => InputError::NoInput {
+                    path,
+                    what: "a job, which is planned: simulate, export or stream it",
+                },
+                Some("toml") => InputError::NoInput {
+                    path,
+                    what: "a machine file: give it with -m, and the part as the input",
+                },
+                _ if is_folder => InputError::NoInput {
+                    path,
+                    what: "a folder: name a file in it",
+                },
                 _ => InputError::UnknownFormat { path },
             };
             CliError::Usage(error.to_string())

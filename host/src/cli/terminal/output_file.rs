@@ -17,7 +17,7 @@ use crate::cli::args::output_path::OutputPath;
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::named_files::parent;
-use crate::cli::terminal::result_kind::{HEAD_BYTES, ResultKind};
+use crate::cli::terminal::result_kind::{HEAD_BYTES, JOB, ResultKind};
 use crate::report::page::PAGE_GENERATOR;
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
@@ -39,6 +39,11 @@ pub(crate) struct OutputFile {
     force: bool,
 }
 
+/// Endings of what a job is taken for by mistake.
+const OTHERS_ENDINGS: [&str; 9] = [
+    "gcode", "g", "gco", "nc", "ngc", "csv", "svg", "html", "stl",
+];
+
 impl OutputPath {
     /// Says before the work, not after it, that a file cannot or must not be written there. Existing files are
     /// unchanged, and no temporary file remains.
@@ -49,6 +54,14 @@ impl OutputPath {
             kind,
             force: files.force,
         };
+        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+        let ending = ending.to_str().unwrap_or_default();
+        if kind.name == JOB.name && OTHERS_ENDINGS.contains(&ending) {
+            return Err(CliError::Usage(format!(
+                "{}: a job is written, which is no .{ending} file: name it .hwj, and `headway export` it",
+                path.display()
+            )));
+        }
         // Looking would disturb a stream.
         if !is_stream(path) {
             files.claim(path)?;

@@ -210,8 +210,8 @@ mod tests {
             ("axis = [0, 1, 0]", "axis = [0, 0, 1]", "parallel"),
             ("axis = [0, 1, 0]", "axis = [0, 0, 0]", "no direction"),
             ("axis = [0, 1, 0]", "axis = [0, nan, 0]", "no direction"),
-            ("side = \"head\"", "side = \"bed\"", "unknown variant"),
-            ("kind = \"axes\"", "kind = \"planar\"", "unknown variant"),
+            ("side = \"head\"", "side = \"bed\"", "is not known"),
+            ("kind = \"axes\"", "kind = \"planar\"", "is not known"),
             ("[joints.b]", "[joints.a]", "joints.a"),
         ] {
             let error = read(from, to).expect_err(from);
@@ -223,6 +223,6 @@ mod tests {
         };
         assert!(named("\"planar\"").is_ok());
         let error = named("\"planr\"").expect_err("misspelt").to_string();
-        assert!(error.contains("unknown variant `planr`"), "{error}");
+        assert!(error.contains("`planr` is not known"), "{error}");
     }
 }

@@ -380,7 +380,7 @@ mod tests {
                 "run_ma = 800\nspread_above_full_steps_s = 0.01",
                 "too low",
             ),
-            ("run_ma = 800", "run_ma = 800\nloud = true", "unknown field"),
+            ("run_ma = 800", "run_ma = 800\nloud = true", "unknown key"),
         ];
         assert_refused(X, &cases);
     }

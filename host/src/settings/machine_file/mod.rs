@@ -37,6 +37,7 @@ mod motors;
 mod probe_tests;
 mod shaper;
 mod switches;
+mod toml_words;
 mod wiring;
 mod write;
 use axes::FileKinematics;
@@ -50,6 +51,7 @@ use motors::FileMotors;
 use shaper::FileShaper;
 use std::collections::BTreeMap;
 use switches::FileSwitch;
+use toml_words::toml_problem;
 use wiring::FileWiring;
 pub use write::{to_new_toml, to_toml};
 
@@ -106,24 +108,6 @@ pub enum MachineFileError {
     /// Values out of range or at odds.
     #[error("{0}")]
     Settings(#[from] SettingsError),
-}
-
-/// Longest line of a machine file that is shown with its fault: a file that is none may have one line of megabytes.
-const LINE_SHOWN_CHARS_MAX: usize = 200;
-
-/// What the parser says, with the line; without it where that is no line to read.
-fn toml_problem(text: &str, error: &toml::de::Error) -> String {
-    let whole = error.to_string().trim_end().to_string();
-    let longest = whole.lines().map(|line| line.chars().count()).max();
-    if longest.is_none_or(|chars| chars <= LINE_SHOWN_CHARS_MAX) {
-        return whole;
-    }
-    let before = error.span().and_then(|span| text.get(..span.start));
-    let line = before.unwrap_or_default().matches('\n').count() + 1;
-    format!(
-        "line {line} is no line of a machine file: {}; `headway machine new` writes one",
-        error.message()
-    )
 }
 
 /// What a file has that gives ellipses and circles by full sizes.
@@ -363,6 +347,44 @@ mod tests {
         from_toml(&text).map_err(|error| error.to_string())
     }
 
+    /// Goal: faults of a hand's edit say what to write. Method: one key each of the built-in machine's file.
+    #[test]
+    fn faults_of_an_edit_say_what_to_write() {
+        let text = to_toml(&Settings::planar());
+        for (new, part) in [
+            ("speed_mm_s = \"400\"", "write a number without quotes"),
+            ("speed_mm_s = 4,5", "decimals with a point"),
+            ("speed_mm_s = 60 mm", "its unit is in the key's name"),
+            ("layers = 2.5", "write a whole number"),
+            ("layers = -3", "write a whole number of 0 or more"),
+            ("pass = three", "write a text in quotes"),
+            (
+                "pass = \"three\"",
+                "`three` is not known: write \"two\" or \"one\"",
+            ),
+            ("spede_mm_s = 60", "is `speed_mm_s` meant?"),
+            (
+                "colour = 1",
+                "unknown key `colour`; this group has aperture, layers,",
+            ),
+        ] {
+            let key = new.split(" =").next().unwrap_or_default();
+            let kept = text
+                .lines()
+                .filter(|line| !line.starts_with(&format!("{key} =")));
+            let kept: Vec<&str> = kept.collect();
+            let edited = kept
+                .join("\n")
+                .replace("[print]", &format!("[print]\n{new}"));
+            let refused = from_toml(&edited).expect_err(new).to_string();
+            assert!(refused.contains(part), "{refused}");
+            assert!(
+                refused.starts_with("line ") && refused.contains(new),
+                "{refused}"
+            );
+        }
+    }
+
     /// Goal: no file by semi-axes becomes half its nozzle. Method: files without a format, read as a person's and as a job's.
     #[test]
     fn a_file_by_semi_axes_is_refused_and_read_in_jobs() {
@@ -550,7 +572,7 @@ mod tests {
             (
                 "kinematics = \"planar\"",
                 "kinematics = \"delta\"",
-                "unknown variant",
+                "is not known",
             ),
             (
                 "position_max_mm = 205",

@@ -54,7 +54,7 @@ fn a_probe_that_cannot_be_is_refused() {
         ("lift_mm = 4", "lift_mm = 1", "probe.lift_mm is 1"),
         ("samples = 3", "samples = 0", "probe.samples is 0"),
         ("0.01", "0", "probe.tolerance_mm is 0"),
-        ("samples", "touches", "unknown field"),
+        ("samples", "touches", "unknown key"),
     ];
     assert_refused(ALL, &cases);
 }

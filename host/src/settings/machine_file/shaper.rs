@@ -108,7 +108,7 @@ mod tests {
             ("[shaper.a]\nkind = \"ei\"\nfrequency_hz = 40\n", "shaper.a"),
             (
                 "[shaper.x]\nkind = \"zvd\"\nfrequency_hz = 40\n",
-                "unknown variant",
+                "is not known",
             ),
             (
                 "[shaper.x]\nkind = \"ei\"\nfrequency_hz = 2\n",

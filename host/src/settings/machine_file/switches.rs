@@ -261,7 +261,7 @@ mod tests {
     fn switches_that_cannot_be_are_refused() {
         let cases = [
             ("switches.x", "switches.q", "x, y, z, c"),
-            ("\"min\"", "\"low\"", "unknown variant"),
+            ("\"min\"", "\"low\"", "is not known"),
             ("254.5", "nan", "switches.y: position is NaN"),
             (
                 "fast_mm_s = 4",

@@ -177,7 +177,7 @@ mod tests {
             ("[0, 8]", "[0]\nprobe_input = 16", "probe_input is 16"),
             ("[0, 8]", "[0]\nprobe_input = 3", "probe_input is 3"),
             ("[0, 8]", "[16]", "input 16"),
-            ("normally_open", "open", "unknown field"),
+            ("normally_open", "open", "unknown key"),
         ];
         assert_refused(ALL, &cases);
     }
