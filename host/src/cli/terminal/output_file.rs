@@ -54,18 +54,18 @@ impl OutputPath {
             kind,
             force: files.force,
         };
-        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
-        let ending = ending.to_str().unwrap_or_default();
-        if kind.name == JOB.name && OTHERS_ENDINGS.contains(&ending) {
-            return Err(CliError::Usage(format!(
-                "{}: a job is written, which is no .{ending} file: name it .hwj, and `headway export` it",
-                path.display()
-            )));
-        }
         // Looking would disturb a stream.
         if !is_stream(path) {
             files.claim(path)?;
             check_file(path)?;
+            let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+            let ending = ending.to_str().unwrap_or_default();
+            if kind.name == JOB.name && OTHERS_ENDINGS.contains(&ending) {
+                return Err(CliError::Usage(format!(
+                    "{}: a job is written, which is no .{ending} file: name it .hwj, and `headway export` it",
+                    path.display()
+                )));
+            }
             let other = |head: Vec<u8>| !head.is_empty() && !(kind.is_one)(&head);
             if !file.force && path.exists() && head_of(path).is_none_or(other) {
                 return Err(file.not_replaced(&format!("is not {}", kind.name)));
