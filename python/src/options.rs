@@ -12,15 +12,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// Options that are none of the planner's but of the input's place and reading, as the command calls them.
-const OTHERS: [(&str, &str); 14] = [
-    ("curved-layers", "curved_layers"),
-    ("first-layer-height", "first_layer_height_mm"),
-    ("corner-tolerance", "corner_tolerance_mm"),
-    ("layer-range", "layer_range"),
-    ("copy-gap", "copy_gap_mm"),
-    ("copies", "copies"),
-    ("place", "place"),
-    ("gap", "gap_mm"),
+const OTHERS: [(&str, &str); 7] = [
+    ("surface-region", "surface_region"),
     ("keep-out", "keep_out"),
     ("repair", "repair"),
     ("units", "units"),

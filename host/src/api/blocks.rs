@@ -3,12 +3,10 @@
 //! In: a mesh, machine and options as for a job, where blocks are kept ([`BlockStore`]). Out: blocks in the store, which
 //! the job of the same mesh and options is then made of, byte for byte as without. Leaves out where they are kept.
 
-use super::part::What;
-use super::planning::{Step, Watched, plan_error, settings_of, sliced};
+use super::planning::{Step, Watched, ready};
 use super::{Error, Machine, Options, Part};
-use crate::pipeline::mesh::FirstLayer;
 use crate::pipeline::piece::{Piece, PieceCache};
-use crate::pipeline::shards::{Shard, plan_shard as planned_shard};
+use crate::pipeline::shards::{PlannedShard, Shard};
 use std::ops::ControlFlow;
 
 /// Where planned blocks of layers are kept, as bytes by name: a folder, an object store.
@@ -32,28 +30,6 @@ pub struct Cache<'a> {
     pub program: &'a str,
 }
 
-/// A block of layers of a share.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct PlannedBlock {
-    /// From 1.
-    pub number: usize,
-    /// First and last layer, from 1.
-    pub layers: [u32; 2],
-    /// It was kept before.
-    pub was_known: bool,
-}
-
-/// A planned share of a mesh's blocks.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct PlannedShard {
-    /// The blocks of the share.
-    pub own: Vec<PlannedBlock>,
-    /// Number of the mesh's blocks.
-    pub blocks: usize,
-}
-
 /// Plans every `count`th block of a mesh's layers into the cache, from block `number` on (`[number, count]`, from 1), and
 /// makes no job: on several machines at once. [`super::plan_cached`] with the same mesh and options then takes all
 /// blocks from the cache. `watch` as in [`super::plan_watched`].
@@ -74,75 +50,32 @@ pub fn plan_shard(
             "--shard {number}/{count}: give 1 to the number of shares, and that number"
         )));
     }
-    let settings = settings_of(part, machine, options)?;
-    let What::Mesh(loaded) = &part.what else {
-        return Err(no_blocks());
-    };
-    check_cached(part, options)?;
-    let (sliced, _) = sliced(loaded, options, &settings)?;
-    let mut kept = KeptBlocks::new(cache.store);
+    let ready = ready(part, machine, options, true)?;
+    let mut kept = KeptBlocks::of(Some(cache));
     let watched = Watched::new(watch);
-    let planned = planned_shard(
-        &sliced,
-        &part.keep_out,
-        FirstLayer::default(),
-        &settings,
-        Shard { number, count },
-        (&mut kept, cache.program),
-        &watched,
-    );
-    if watched.has_stopped() {
-        return Err(Error::Stopped);
-    }
-    let (own, blocks) = planned.map_err(plan_error)?;
-    if !kept.keeps() {
-        return Err(Error::Job(kept.notes.join("; ")));
-    }
-    let own = own.iter().map(|block| PlannedBlock {
-        number: block.block + 1,
-        layers: [block.layers.start + 1, block.layers.end],
-        was_known: block.was_known,
-    });
-    Ok(PlannedShard {
-        own: own.collect(),
-        blocks,
-    })
-}
-
-fn no_blocks() -> Error {
-    Error::Options(
-        "--cache goes with a mesh in flat layers: only it is planned in blocks".to_string(),
-    )
-}
-
-/// Refuses kept blocks of what is not planned in blocks.
-pub(super) fn check_cached(part: &Part, options: &Options) -> Result<(), Error> {
-    let is_mesh = matches!(part.what, What::Mesh(_));
-    match is_mesh && options.curved_layers.is_none() {
-        true => Ok(()),
-        false => Err(no_blocks()),
+    let planned = ready.shard(Shard { number, count }, &mut kept, &watched);
+    let planned = watched.ended(planned)?;
+    match kept.keeps() {
+        true => Ok(planned),
+        false => Err(Error::Job(kept.notes.join("; "))),
     }
 }
 
-/// Blocks in a store, read and written.
-pub(super) struct KeptBlocks<'a> {
+/// Blocks in a store, read and written; without one nothing is kept.
+pub(crate) struct KeptBlocks<'a> {
     store: Option<&'a mut dyn BlockStore>,
+    /// The program whose blocks they are.
+    pub(crate) program: &'a str,
     /// Notes for the user.
-    pub(super) notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
 }
 
 impl<'a> KeptBlocks<'a> {
-    pub(super) fn new(store: &'a mut dyn BlockStore) -> KeptBlocks<'a> {
+    pub(crate) fn of(cache: Option<Cache<'a>>) -> KeptBlocks<'a> {
+        let (store, program) = cache.map(|cache| (cache.store, cache.program)).unzip();
         KeptBlocks {
-            store: Some(store),
-            notes: Vec::new(),
-        }
-    }
-
-    /// Nothing is kept.
-    pub(super) fn none() -> KeptBlocks<'a> {
-        KeptBlocks {
-            store: None,
+            store,
+            program: program.unwrap_or_default(),
             notes: Vec::new(),
         }
     }

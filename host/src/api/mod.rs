@@ -24,20 +24,22 @@
 //! # Ok::<(), headway::api::Error>(())
 //! ```
 
-mod blocks;
+pub(crate) mod blocks;
 mod job;
 mod joints;
-mod part;
+pub(crate) mod part;
 mod planning;
 mod pose;
+pub(crate) mod ready;
 mod streaming;
 
 pub use crate::input::Units;
 pub use crate::job::MotionState;
+pub use crate::pipeline::shards::{PlannedBlock, PlannedShard};
 pub use crate::settings::curved_layers::CurvedLayers;
 pub use crate::settings::options::{OPTION_NAMES, Options};
 pub use crate::settings::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
-pub use blocks::{BlockStore, Cache, PlannedBlock, PlannedShard, plan_shard};
+pub use blocks::{BlockStore, Cache, plan_shard};
 pub use job::{Job, Simulation};
 pub use joints::{JobJoint, JobJoints};
 pub use part::{Part, Reading};

@@ -3,11 +3,11 @@
 //! In: rings in mm, or the bytes of a file. Out: a checked [`Part`].
 
 use super::Error;
-use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::Region;
-use crate::input::waypoints::WaypointRun;
-use crate::input::{self, Format, Input, Loaded, ReadOptions, Units};
-use crate::mesh::{self, LoadedMesh, Mesh, MeshOptions, SurfaceRegion};
+use crate::input::space_outline::SpaceOutline;
+use crate::input::{self, Format, Input, ReadOptions, Units};
+use crate::mesh::layers::HeightRange;
+use crate::mesh::{self, Mesh, MeshOptions, SurfaceRegion};
 
 /// How a file is read.
 ///
@@ -30,18 +30,12 @@ pub struct Reading {
 
 impl Default for Reading {
     fn default() -> Reading {
-        let ReadOptions {
-            units,
-            scale,
-            flatten_mm,
-            repair,
-            ..
-        } = ReadOptions::default();
+        let read = ReadOptions::default();
         Reading {
-            units,
-            scale,
-            flatten_mm,
-            repair,
+            units: read.units,
+            scale: read.scale,
+            flatten_mm: read.flatten_mm,
+            repair: read.repair,
             surface_region: None,
         }
     }
@@ -50,21 +44,26 @@ impl Default for Reading {
 /// The part to print, checked, in its own coordinates.
 #[derive(Clone, Debug)]
 pub struct Part {
-    pub(super) what: What,
-    pub(super) keep_out: Vec<Region>,
-    pub(super) at_mm: Option<[f64; 3]>,
+    pub(crate) what: What,
+    pub(crate) keep_out: Vec<Region>,
+    /// Origins on the machine, of each of several parts its own.
+    pub(crate) at_mm: Vec<[f64; 3]>,
     /// The surface of an outline.
-    pub(super) surface: Option<Mesh>,
+    pub(crate) surface: Option<Mesh>,
+    /// Layers of a mesh with their own heights.
+    pub(crate) height_ranges: Vec<HeightRange>,
 }
 
+/// What is printed.
 #[derive(Clone, Debug)]
-pub(super) enum What {
-    Outline(Loaded),
-    Mesh(LoadedMesh),
-    Path(WaypointRun),
-    Gcode(Box<GcodeProgram>),
-    /// A complete surface, and its name.
-    Patch(String, Mesh),
+pub(crate) enum What {
+    Input(Input),
+    /// A complete surface, or the outline that is drawn on it.
+    Patch {
+        name: String,
+        mesh: Mesh,
+        drawn: Option<SpaceOutline>,
+    },
 }
 
 impl Part {
@@ -80,7 +79,8 @@ impl Part {
             )));
         }
         let read = input::read_rings(polygons, name, &ReadOptions::default());
-        Ok(Part::of(What::Outline(read.map_err(part_error)?)))
+        let read = read.map_err(part_error)?;
+        Ok(Part::of(What::Input(Input::Outline(read))))
     }
 
     /// A file's bytes: polygon JSON, GeoJSON, SVG, DXF, a mesh, waypoints, NURBS or G-code, by its ending (`json`,
@@ -103,12 +103,7 @@ impl Part {
             ..ReadOptions::default()
         };
         let read = input::read_any(bytes, name, format, &options).map_err(part_error)?;
-        Ok(Part::of(match read {
-            Input::Outline(loaded) => What::Outline(loaded),
-            Input::Path(run) => What::Path(run),
-            Input::Mesh(loaded) => What::Mesh(loaded),
-            Input::Gcode(program) => What::Gcode(Box::new(program)),
-        }))
+        Ok(Part::of(What::Input(read)))
     }
 
     /// A surface by itself: a complete mesh that is not closed, up to its rims, one bead's height thick.
@@ -122,7 +117,11 @@ impl Part {
         reading: &Reading,
     ) -> Result<Part, Error> {
         let surface = read_surface(ending, bytes, reading)?;
-        Ok(Part::of(What::Patch(name.to_string(), surface)))
+        Ok(Part::of(What::Patch {
+            name: name.to_string(),
+            mesh: surface,
+            drawn: None,
+        }))
     }
 
     /// The same outline, seen from above, projected onto a surface: a mesh's bytes.
@@ -135,7 +134,7 @@ impl Part {
         bytes: &[u8],
         reading: &Reading,
     ) -> Result<Part, Error> {
-        if !matches!(self.what, What::Outline(_)) {
+        if !matches!(self.what, What::Input(Input::Outline(_))) {
             return Err(Error::Part(
                 "only an outline is projected onto a surface: give an outline".to_string(),
             ));
@@ -152,7 +151,10 @@ impl Part {
     /// outline.
     pub fn keeping_out(mut self, keep_out: &Part) -> Result<Part, Error> {
         match (&self.what, &keep_out.what) {
-            (What::Outline(_) | What::Mesh(_), What::Outline(out)) => {
+            (
+                What::Input(Input::Outline(_) | Input::Mesh(_)),
+                What::Input(Input::Outline(out)),
+            ) => {
                 self.keep_out.extend(out.target.regions.iter().cloned());
                 Ok(self)
             }
@@ -175,38 +177,33 @@ impl Part {
                 "the place {at_mm:?} is none: give three finite numbers in mm"
             )));
         }
-        self.at_mm = Some(at_mm);
+        self.at_mm = vec![at_mm];
         Ok(self)
     }
 
     /// Its name.
     pub fn name(&self) -> &str {
         match &self.what {
-            What::Outline(loaded) => &loaded.target.name,
-            What::Mesh(loaded) => &loaded.name,
-            What::Path(run) => &run.name,
-            What::Gcode(program) => &program.name,
-            What::Patch(name, _) => name,
+            What::Input(input) => input.name(),
+            What::Patch { name, .. } => name,
         }
     }
 
     /// What there is to know of how it was read, one line each.
     pub fn notes(&self) -> &[String] {
         match &self.what {
-            What::Outline(loaded) => &loaded.notes,
-            What::Mesh(loaded) => &loaded.notes,
-            What::Path(run) => &run.notes,
-            What::Gcode(program) => &program.notes,
-            What::Patch(..) => &[],
+            What::Input(input) => input.notes(),
+            What::Patch { .. } => &[],
         }
     }
 
-    fn of(what: What) -> Part {
+    pub(crate) fn of(what: What) -> Part {
         Part {
             what,
             keep_out: Vec::new(),
-            at_mm: None,
+            at_mm: Vec::new(),
             surface: None,
+            height_ranges: Vec::new(),
         }
     }
 }
@@ -229,7 +226,7 @@ fn format_of(ending: &str, bytes: &[u8]) -> Result<Format, Error> {
     }
 }
 
-fn read_surface(ending: &str, bytes: &[u8], reading: &Reading) -> Result<Mesh, Error> {
+pub(crate) fn read_surface(ending: &str, bytes: &[u8], reading: &Reading) -> Result<Mesh, Error> {
     let Format::Mesh(format) = format_of(ending, bytes)? else {
         return Err(Error::Part(
             "a surface is a mesh: give stl, 3mf or obj".to_string(),
@@ -244,7 +241,7 @@ fn read_surface(ending: &str, bytes: &[u8], reading: &Reading) -> Result<Mesh, E
     let region = region.map(|text| {
         SurfaceRegion::parse(text).ok_or_else(|| {
             Error::Options(format!(
-                "surface_region {text:?}: give group:NAME, colour:#RRGGBB or normal:DEG, as in normal:60"
+                "--surface-region {text}: write group:NAME, colour:#RRGGBB or normal:DEG, as in normal:60"
             ))
         })
     });

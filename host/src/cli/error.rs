@@ -36,6 +36,11 @@ pub enum CliError {
 }
 
 impl CliError {
+    /// Whether another part, or this one with another nozzle, can do without it.
+    pub(crate) fn is_of_part(&self) -> bool {
+        matches!(self, CliError::Job(_) | CliError::OutsideRange { .. })
+    }
+
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             CliError::Usage(_) => ExitCode::from(2),

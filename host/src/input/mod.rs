@@ -229,6 +229,28 @@ pub enum Input {
     Gcode(GcodeProgram),
 }
 
+impl Input {
+    /// Its name.
+    pub fn name(&self) -> &str {
+        match self {
+            Input::Outline(loaded) => &loaded.target.name,
+            Input::Path(run) => &run.name,
+            Input::Mesh(loaded) => &loaded.name,
+            Input::Gcode(program) => &program.name,
+        }
+    }
+
+    /// Notes on how it was read, one line each.
+    pub fn notes(&self) -> &[String] {
+        match self {
+            Input::Outline(loaded) => &loaded.notes,
+            Input::Path(run) => &run.notes,
+            Input::Mesh(loaded) => &loaded.notes,
+            Input::Gcode(program) => &program.notes,
+        }
+    }
+}
+
 /// Reads an input of any format. `name` is used if the file has none.
 pub fn read_any(
     bytes: &[u8],

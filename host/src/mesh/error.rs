@@ -29,11 +29,24 @@ pub enum MeshError {
         /// The parser's message, and the remedy.
         problem: String,
     },
-    /// The first layer's height is invalid.
-    #[error("--first-layer-height {height_mm}: write a height of {} to {} mm", LAYER_MM[0], LAYER_MM[1])]
-    FirstLayerHeight {
+    /// Layers cannot be so high.
+    #[error("{option} {height_mm}: write a height of {} to {} mm", LAYER_MM[0], LAYER_MM[1])]
+    LayerHeight {
+        /// The option that requests it.
+        option: &'static str,
         /// The requested value.
         height_mm: f64,
+    },
+    /// Nothing is left of a range of heights above the first layer.
+    #[error(
+        "--layer-heights: the range up to {to_mm} mm lies in the first layer, which is {first_mm} mm high: leave it out or \
+         give a smaller --first-layer-height"
+    )]
+    RangeInFirstLayer {
+        /// Its end.
+        to_mm: f64,
+        /// Height of the first layer.
+        first_mm: f64,
     },
     /// No triangle in it.
     #[error("there is no triangle in it: export the solid as a mesh once more")]

@@ -37,16 +37,43 @@ pub struct LayerHeights {
 }
 
 impl LayerHeights {
-    /// Refuses a first layer of no possible height.
+    /// Heights of a part's layers, checked. A first layer without a height of its own has that of the range that begins
+    /// with it.
     ///
     /// # Errors
-    /// [`MeshError::FirstLayerHeight`].
-    pub fn check(&self) -> Result<(), MeshError> {
-        let height_mm = self.first_mm;
-        match (LAYER_MM[0]..=LAYER_MM[1]).contains(&height_mm) {
-            true => Ok(()),
-            false => Err(MeshError::FirstLayerHeight { height_mm }),
+    /// [`MeshError::LayerHeight`] and [`MeshError::RangeInFirstLayer`].
+    pub fn of(
+        layer_mm: f64,
+        first_mm: Option<f64>,
+        ranges: Vec<HeightRange>,
+        range: Option<[u32; 2]>,
+    ) -> Result<LayerHeights, MeshError> {
+        check_height("--layer-height", layer_mm)?;
+        let lowest = ranges.first().filter(|range| range.from_mm <= 0.0);
+        let of_others_mm = lowest.map_or(layer_mm, |range| range.fitted_mm(range.to_mm));
+        let first_mm = first_mm.unwrap_or(of_others_mm);
+        check_height("--first-layer-height", first_mm)?;
+        if let Some(range) = ranges.first().filter(|range| range.to_mm <= first_mm) {
+            let to_mm = range.to_mm;
+            return Err(MeshError::RangeInFirstLayer { to_mm, first_mm });
         }
+        Ok(LayerHeights {
+            first_mm,
+            layer_mm,
+            ranges,
+            range,
+        })
+    }
+}
+
+/// Refuses a height that layers cannot have.
+///
+/// # Errors
+/// [`MeshError::LayerHeight`], with the option.
+pub fn check_height(option: &'static str, height_mm: f64) -> Result<(), MeshError> {
+    match (LAYER_MM[0]..=LAYER_MM[1]).contains(&height_mm) {
+        true => Ok(()),
+        false => Err(MeshError::LayerHeight { option, height_mm }),
     }
 }
 

@@ -6,19 +6,17 @@
 
 use crate::drive::device_check::{DeviceCheck, Refused};
 use crate::drive::time_by_limit::{TimeByLimit, TimeTally};
-use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::job::StreamFacts;
 use crate::job::file::JobHeader;
-use crate::job::heat::{self, HEAT_TEXT, HeatEvent, job_events};
+use crate::job::heat::{self, HEAT_TEXT, job_events};
 use crate::job::spool::{JobSpool, SpoolError, SpooledJob};
-use crate::job::transform::PartTransform;
+use crate::pipeline::findings::objections::Objection;
 use crate::pipeline::findings::time_figures;
-use crate::pipeline::pass_facts::PassFacts;
+use crate::pipeline::planned::Planned;
 use crate::report::figures::Figures;
 use crate::report::job_texts::{
-    LAYER_OUTLINES_TEXT, LayerOutlines, NAME_TEXT, OUTLINE_TEXT, PASS_KINDS_TEXT, SETTINGS_TEXT,
-    outline_to_json,
+    LAYER_OUTLINES_TEXT, NAME_TEXT, OUTLINE_TEXT, PASS_KINDS_TEXT, SETTINGS_TEXT, outline_to_json,
 };
 use crate::settings::{Settings, machine_file};
 use std::io::{Read, Seek, Write};
@@ -41,26 +39,6 @@ pub struct PackedJob<F> {
     pub refused: Option<Refused>,
 }
 
-/// Data of a job's header in addition to its stream.
-pub struct JobFacts<'a> {
-    /// Name of the part.
-    pub name: &'a str,
-    /// Its outline, input coordinates.
-    pub outline: &'a [Region],
-    /// Those of a part whose layers differ.
-    pub layer_outlines: &'a LayerOutlines,
-    /// The settings it was planned with.
-    pub settings: &'a Settings,
-    /// Its position on the machine.
-    pub transform: PartTransform,
-    /// Its figures.
-    pub figures: &'a Figures,
-    /// Heater and fan commands of its file.
-    pub heat: &'a [HeatEvent],
-    /// What is known of its passes.
-    pub pass_facts: &'a PassFacts,
-}
-
 impl<F: Read + Write + Seek> JobPacking<F> {
     /// An empty job; its frames go to `file`.
     pub fn new(file: F) -> JobPacking<F> {
@@ -70,11 +48,6 @@ impl<F: Read + Write + Seek> JobPacking<F> {
             times: TimeTally::default(),
             device: DeviceCheck::default(),
         }
-    }
-
-    /// Nothing was added yet.
-    pub fn is_empty(&self) -> bool {
-        self.is_empty
     }
 
     /// Adds the next part, with its passes counted from `first_pass` on.
@@ -112,25 +85,37 @@ impl<F: Read + Write + Seek> JobPacking<F> {
             refused: self.device.finish(),
         })
     }
-}
 
-impl<F> PackedJob<F> {
-    /// The figures of a plan with those of its finished motion.
-    pub fn figures(&self, planned: Figures, transform: &PartTransform) -> Figures {
-        let bytes = self.frames.line_bytes;
-        let print_s = planned.print_s.unwrap_or_default();
-        planned.merged_with(&Figures {
+    /// All of a plan, whose own stream is added if none was, and which gets the figures and objections of its finished motion.
+    ///
+    /// # Errors
+    /// [`SpoolError`].
+    pub fn finish_plan(mut self, planned: &mut Planned) -> Result<PackedJob<F>, SpoolError> {
+        if self.is_empty {
+            self.take(&planned.stream, 0, &planned.settings)?;
+        }
+        let packed = self.finish(&planned.settings)?;
+        let of_plan = std::mem::take(&mut planned.figures);
+        let bytes = packed.frames.line_bytes;
+        let print_s = of_plan.print_s.unwrap_or_default();
+        planned.figures = of_plan.merged_with(&Figures {
             bytes: Some(bytes),
             bytes_per_s: Some(bytes as f64 / print_s.max(1e-9)),
-            ..time_figures(self.times.clone(), transform)
-        })
+            ..time_figures(packed.times.clone(), &planned.transform)
+        });
+        if let Some(refused) = &packed.refused {
+            let fault = Objection::of_board(refused, &planned.transform, &planned.settings);
+            planned.objections.insert(0, fault);
+        }
+        planned.note_objections();
+        Ok(packed)
     }
 }
 
-/// The header of a job.
-pub fn job_header(job: &JobFacts, stream: StreamFacts) -> JobHeader {
-    let settings = job.settings;
-    let heat = job_events(job.heat, settings.material.as_ref(), &stream.marks);
+/// The header of a plan's job.
+pub fn job_header(job: &Planned, stream: StreamFacts) -> JobHeader {
+    let settings = &job.settings;
+    let heat = job_events(&job.heat, settings.material.as_ref(), &stream.marks);
     let mut header = JobHeader::of_facts(
         stream,
         &settings.machine_name,
@@ -144,8 +129,8 @@ pub fn job_header(job: &JobFacts, stream: StreamFacts) -> JobHeader {
     };
     header.figures_json = figures.to_json();
     let texts = [
-        (NAME_TEXT, job.name.to_string()),
-        (OUTLINE_TEXT, outline_to_json(job.outline)),
+        (NAME_TEXT, job.name.clone()),
+        (OUTLINE_TEXT, outline_to_json(&job.outline)),
         (SETTINGS_TEXT, machine_file::to_toml(settings)),
     ];
     let texts = texts.map(|(key, text)| (key.to_string(), text));

@@ -5,7 +5,6 @@
 
 use super::Plan;
 use super::findings::gcode::gcode_findings;
-use super::findings::idle_options::idle_options;
 use super::findings::objections::Objection;
 use super::findings::part::part_findings;
 use super::findings::wide_beads::Laid;
@@ -29,7 +28,6 @@ use crate::report::job_texts::{
     LAYER_OUTLINES_TEXT, LayerOutlines, OUTLINE_TEXT, PASS_KINDS_TEXT, SETTINGS_TEXT,
     outline_from_json,
 };
-use crate::settings::options::Options;
 use crate::settings::{Settings, machine_file};
 use headway_firmware::configuration::JointConfiguration;
 
@@ -212,19 +210,20 @@ impl Planned {
         }
     }
 
-    /// Notes the options that change nothing; their notes.
-    pub(crate) fn note_idle_options(&mut self, options: &Options) -> &[String] {
-        let read = self.notes.len();
-        self.notes.extend(idle_options(options, self));
-        &self.notes[read..]
-    }
-
     /// The outline of a layer; empty if it is not known.
     pub fn outline_of(&self, layer: u32) -> &[Region] {
         match self.layer_outlines.is_empty() {
             true => &self.outline,
             false => self.layer_outlines.of_layer(layer),
         }
+    }
+
+    /// Notes the objections in the figures, which say them first, before those that the job was written with.
+    pub fn note_objections(&mut self) {
+        let objections = self.objections.iter();
+        let mut lines: Vec<String> = objections.map(|of| of.text.clone()).collect();
+        lines.extend(self.figures.objections.take().unwrap_or_default());
+        self.figures.objections = (!lines.is_empty()).then_some(lines);
     }
 
     /// Restores the ranges of the machine's own joints, by which a board identifies it.

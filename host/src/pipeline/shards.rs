@@ -10,7 +10,6 @@ use crate::pipeline::blocks::{FirstLayer, with_blocks};
 use crate::pipeline::piece::PieceCache;
 use crate::plan::progress::Progress;
 use crate::settings::Settings;
-use std::ops::Range;
 
 /// A share of a part's blocks: every `count`th, from block `number` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,15 +20,26 @@ pub struct Shard {
     pub count: usize,
 }
 
-/// What became of a block of a shard.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ShardBlock {
-    /// Its number, from 0 upwards.
-    pub block: usize,
-    /// Its layers, from 0, without the end.
-    pub layers: Range<u32>,
-    /// It was in the cache before.
+/// A block of layers of a share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct PlannedBlock {
+    /// From 1.
+    pub number: usize,
+    /// First and last layer, from 1.
+    pub layers: [u32; 2],
+    /// It was kept before.
     pub was_known: bool,
+}
+
+/// A planned share of a mesh's blocks.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct PlannedShard {
+    /// The blocks of the share.
+    pub own: Vec<PlannedBlock>,
+    /// Number of the mesh's blocks.
+    pub blocks: usize,
 }
 
 /// Plans the blocks of a shard into the cache, and no others. [`super::mesh::plan_part_in_pieces`] with the same input
@@ -45,24 +55,24 @@ pub fn plan_shard(
     shard: Shard,
     (cache, program): (&mut dyn PieceCache, &str),
     progress: &dyn Progress,
-) -> Result<(Vec<ShardBlock>, usize), PlanError> {
+) -> Result<PlannedShard, PlanError> {
     with_blocks(part, keep_out, first, settings, |blocks| {
         let wanted = part.wanted_layers();
-        let (mut rest, mut done, mut number) = (wanted, Vec::new(), 0);
+        let (mut rest, mut planned) = (wanted, PlannedShard::default());
         while let Some(block) = blocks.next(&mut rest) {
-            let is_own = number % shard.count.max(1) + 1 == shard.number;
+            let is_own = planned.blocks % shard.count.max(1) + 1 == shard.number;
+            planned.blocks += 1;
             if is_own {
                 progress.layers(block.before, wanted.len());
                 let (_, was_known) = block.piece(cache, program, progress)?;
-                done.push(ShardBlock {
-                    block: number,
-                    layers: block.layers.clone(),
+                planned.own.push(PlannedBlock {
+                    number: planned.blocks,
+                    layers: [block.layers.start + 1, block.layers.end],
                     was_known,
                 });
             }
-            number += 1;
         }
         progress.layers(wanted.len(), wanted.len());
-        Ok((done, number))
+        Ok(planned)
     })
 }

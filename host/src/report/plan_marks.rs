@@ -29,17 +29,18 @@ const ROUND: &[&str] = &[
 
 /// What the lines of passes are coloured by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "command", derive(clap::ValueEnum))]
 pub enum Colouring {
-    /// The rule that each follows.
+    /// The rule that each pass follows; a job from a file has one colour.
     #[default]
     Zone,
     /// When it is printed.
     Order,
-    /// The tip's speed.
+    /// Speed of the tip.
     Speed,
-    /// The bead's width.
+    /// Width of the bead.
     Width,
-    /// The heading, with the same colour for equivalent ones.
+    /// Heading.
     Heading,
 }
 

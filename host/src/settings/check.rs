@@ -309,7 +309,7 @@ impl Settings {
             });
         }
         if let Some(tilt_rad) = self.tilt_max_rad {
-            in_range("tilt_max", tilt_rad.to_degrees(), 0.0, TILT_MAX_ASKED_DEG)?;
+            in_range("--tilt-max", tilt_rad.to_degrees(), 0.0, TILT_MAX_ASKED_DEG)?;
         }
         let axis_deg = self.axis_tolerance_rad.to_degrees();
         // The last digit of degrees that were given.

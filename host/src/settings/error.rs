@@ -108,8 +108,8 @@ pub enum SettingsError {
     },
     /// Corners of waypoints rounded by more than a bead.
     #[error(
-        "tolerances.corner_mm (--corner-tolerance) is {}, but must be from 0, which leaves corners as they are, \
-         to {}, the widest bead of this aperture; 0.2 is usual",
+        "--corner-tolerance {} (tolerances.corner_mm): write a length in mm from 0, which leaves corners as they are, to {}, the \
+         widest bead of this aperture; 0.2 is usual",
         Short(*given_mm), Short(*widest_mm)
     )]
     CornerTolerance {

@@ -24,7 +24,6 @@ pub mod machine_file;
 pub mod obstacles;
 pub mod options;
 pub mod probe;
-pub(crate) mod run_options;
 mod switches;
 pub(crate) mod units;
 pub mod wide_beads;

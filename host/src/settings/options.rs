@@ -4,9 +4,12 @@
 //! as a whole. The same for the command and for library users. Leaves out where the input lies.
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
+use super::check::in_range;
 use super::curved_layers::CurvedLayers;
-use super::run_options::{RunOptions, RunOptionsError};
-use super::{HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings, SettingsError};
+use super::{
+    AXIS_TOLERANCE_MAX_DEG, HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings,
+    SettingsError,
+};
 
 /// What an option sets.
 trait Over<T> {
@@ -26,12 +29,18 @@ impl<T> Over<T> for Option<T> {
 }
 
 /// Declares the options: help, name on the command line with the name of its value, field, type, and the settings that it
-/// goes over.
+/// goes over; then those that the command declares with the place of the input, and such numbers that only it knows.
 macro_rules! options {
-    ($(
-        $(#[doc = $help:literal])* $long:literal $value:literal $field:ident: $kind:ty [$($argument:tt)*]
-        $(=> $($($place:ident)|+),+)?;
-    )+) => {
+    (
+        $(
+            $(#[doc = $help:literal])* $long:literal $value:literal $field:ident: $kind:ty [$($argument:tt)*]
+            $(=> $($($place:ident)|+),+)?;
+        )+
+        placed
+        $($(#[doc = $text:literal])* $option:literal $placed:ident: $of:ty [];)+
+        inner
+        $($(#[doc = $told:literal])* $inner:ident = $name:literal;)+
+    ) => {
         /// Options of a job; each `None` leaves what the machine file or the default says.
         ///
         /// Made by [`Options::default`] and changed field by field, so that new ones break nobody. The texts are the
@@ -53,30 +62,16 @@ macro_rules! options {
                 )]
                 pub $field: Option<$kind>,
             )+
-            /// Height of a mesh's first layer.
-            #[cfg_attr(feature = "command", arg(skip))]
-            pub first_layer_height_mm: Option<f64>,
-            /// First and last layer of a mesh that are wanted, from 1.
-            #[cfg_attr(feature = "command", arg(skip))]
-            pub layer_range: Option<[u32; 2]>,
-            /// Layers of a mesh that follow its tops.
-            #[cfg_attr(feature = "command", arg(skip))]
-            pub curved_layers: Option<CurvedLayers>,
-            /// How many of the part, in rows.
-            #[cfg_attr(feature = "command", arg(skip))]
-            pub copies: Option<u32>,
-            /// Between their boxes; goes with copies.
-            #[cfg_attr(feature = "command", arg(skip))]
-            pub copy_gap_mm: Option<f64>,
-            /// Waypoints further apart end a pass.
-            #[cfg_attr(feature = "command", arg(skip))]
-            pub gap_mm: Option<f64>,
-            /// How far the corners of a run of waypoints may be rounded.
-            #[cfg_attr(feature = "command", arg(skip))]
-            pub corner_tolerance_mm: Option<f64>,
-            /// Where a run of waypoints lies.
-            #[cfg_attr(feature = "command", arg(skip))]
-            pub place: Option<Place>,
+            $(
+                $(#[doc = $text])*
+                #[cfg_attr(feature = "command", arg(skip))]
+                pub $placed: Option<$of>,
+            )+
+            $(
+                $(#[doc = $told])*
+                #[cfg_attr(feature = "command", arg(skip))]
+                pub(crate) $inner: Option<f64>,
+            )+
         }
 
         impl Options {
@@ -89,15 +84,20 @@ macro_rules! options {
                 )+)?)+
             }
 
-            /// The names of those that are given.
-            pub(crate) fn given(&self) -> impl Iterator<Item = &'static str> {
-                let given = [$(self.$field.is_some().then_some($long)),+];
-                given.into_iter().flatten()
+            /// The options that are given, as the command calls them.
+            pub(crate) fn given(&self) -> Vec<&'static str> {
+                let all = [
+                    $((concat!("--", $long), self.$field.is_some()),)+
+                    $((concat!("--", $option), self.$placed.is_some()),)+
+                    $((concat!("--", $name), self.$inner.is_some()),)+
+                ];
+                let given = all.into_iter().filter(|(_, is_given)| *is_given);
+                given.map(|(name, _)| name).collect()
             }
         }
 
         /// The names of options on the command line, and of their fields.
-        pub const OPTION_NAMES: &[(&str, &str)] = &[$(($long, stringify!($field))),+];
+        pub const OPTION_NAMES: &[(&str, &str)] = &[$(($long, stringify!($field)),)+ $(($option, stringify!($placed))),+];
     };
 }
 
@@ -194,7 +194,38 @@ options! {
     /// Direction of aligned seams against the x axis, degrees [default: 90].
     "seam-direction" "DEG" seam_direction_rad: f64 [allow_negative_numbers = true, value_parser = radians]
         => seam|direction_rad;
+    placed
+    /// Height of a mesh's first layer.
+    "first-layer-height" first_layer_height_mm: f64 [];
+    /// First and last layer of a mesh that are wanted, from 1.
+    "layer-range" layer_range: [u32; 2] [];
+    /// Layers of a mesh that follow its tops.
+    "curved-layers" curved_layers: CurvedLayers [];
+    /// How many of the part, in rows.
+    "copies" copies: u32 [];
+    /// Between their boxes; goes with copies.
+    "copy-gap" copy_gap_mm: f64 [];
+    /// Waypoints further apart end a pass.
+    "gap" gap_mm: f64 [];
+    /// How far the corners of a run of waypoints may be rounded.
+    "corner-tolerance" corner_tolerance_mm: f64 [];
+    /// Where a run of waypoints lies.
+    "place" place: Place [];
+    inner
+    /// How far a run of waypoints is turned about Z.
+    turn_deg = "turn";
+    /// How far tool axes may be off.
+    axis_tolerance_deg = "axis-tolerance";
+    /// How far the tool axes of a run of waypoints may be tilted.
+    tilt_max_deg = "tilt-max";
+    /// Tip speed of a mesh's first layer.
+    first_layer_speed_mm_s = "first-layer-speed";
 }
+
+/// Options that only outlines and meshes know.
+pub(crate) const OF_OUTLINES: &str = "--layers, --copies, --copy-gap, --walls, --wall-speed, --solid-speed, --sparse-speed, \
+    --min-layer-time, --continuous-z, --max-layer-time, --skirt, --brim, --avoid-crossing, --seam, --seam-direction, \
+    --skirt-distance-mm, --bridge-max, --pass, --law, --quality, --overlap";
 
 /// Options that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -214,10 +245,27 @@ pub(crate) enum OptionsError {
     /// Density and spacing of the same lines.
     #[error("--infill-spacing and --infill-density say the same in two ways: give one of them")]
     SpacingAndDensity,
-    /// Options of runs of waypoints.
-    #[error(transparent)]
-    Run(#[from] RunOptionsError),
+    /// The gap between passes is no length.
+    #[error("--gap {gap_mm}: write a length in mm above 0, as in --gap 5")]
+    Gap {
+        /// What was given.
+        gap_mm: f64,
+    },
+    /// The first layer's speed is none, or above that of the others.
+    #[error(
+        "--first-layer-speed {speed_mm_s}: write a speed of {SPEED_MIN_MM_S} mm/s up to that of the other layers, \
+         {most_mm_s} mm/s (--speed)"
+    )]
+    FirstLayerSpeed {
+        /// What was given.
+        speed_mm_s: f64,
+        /// That of the others.
+        most_mm_s: f64,
+    },
 }
+
+/// Slowest tip speed, mm/s, as machine files have it.
+const SPEED_MIN_MM_S: f64 = 0.01;
 
 impl Options {
     /// The settings with these options.
@@ -230,61 +278,40 @@ impl Options {
         }
         self.set(&mut settings);
         settings.infill = self.infill(settings.infill)?;
-        let of_run = RunOptions {
-            gap_mm: self.gap_mm,
-            corner_tolerance_mm: self.corner_tolerance_mm,
-            place: self.place,
-        };
-        let mut settings = of_run.over(settings)?;
+        self.set_runs(&mut settings)?;
         settings.space_lines();
         settings.check()?;
-        Ok(settings)
+        let most_mm_s = settings.speed_mm_s;
+        match self.first_layer_speed_mm_s {
+            Some(speed_mm_s) if !(SPEED_MIN_MM_S..=most_mm_s).contains(&speed_mm_s) => {
+                Err(OptionsError::FirstLayerSpeed {
+                    speed_mm_s,
+                    most_mm_s,
+                })
+            }
+            _ => Ok(settings),
+        }
     }
 
-    /// The first option given that only meshes know.
-    pub(crate) fn of_meshes(&self) -> Option<&'static str> {
-        first_given(&[
-            ("--first-layer-height", self.first_layer_height_mm.is_some()),
-            ("--layer-range", self.layer_range.is_some()),
-            ("--curved-layers", self.curved_layers.is_some()),
-        ])
-    }
-
-    /// The first option given that only runs of waypoints know.
-    pub(crate) fn of_runs(&self) -> Option<&'static str> {
-        first_given(&[
-            ("--gap", self.gap_mm.is_some()),
-            ("--corner-tolerance", self.corner_tolerance_mm.is_some()),
-            ("--place", self.place.is_some()),
-        ])
-    }
-
-    /// The first option given that only outlines know, as the command calls it: a path is followed as it
-    /// is.
-    pub(crate) fn of_outlines(&self) -> Option<&'static str> {
-        first_given(&[
-            ("--layers", self.layers.is_some()),
-            ("--copies", self.copies.is_some()),
-            ("--copy-gap", self.copy_gap_mm.is_some()),
-            ("--walls", self.walls.is_some()),
-            ("--wall-speed", self.wall_speed_mm_s.is_some()),
-            ("--solid-speed", self.solid_speed_mm_s.is_some()),
-            ("--sparse-speed", self.sparse_speed_mm_s.is_some()),
-            ("--min-layer-time", self.layer_time_min_s.is_some()),
-            ("--continuous-z", self.continuous_z.is_some()),
-            ("--max-layer-time", self.layer_time_max_s.is_some()),
-            ("--skirt", self.skirt_loops.is_some()),
-            ("--brim", self.brim_loops.is_some()),
-            ("--avoid-crossing", self.avoid_crossing.is_some()),
-            ("--seam", self.seam.is_some()),
-            ("--seam-direction", self.seam_direction_rad.is_some()),
-            ("--skirt-distance-mm", self.skirt_distance_mm.is_some()),
-            ("--bridge-max", self.bridge_max_mm.is_some()),
-            ("--pass", self.pass_mode.is_some()),
-            ("--law", self.heading_law.is_some()),
-            ("--quality", self.quality.is_some()),
-            ("--overlap", self.overlap_pct.is_some()),
-        ])
+    /// Sets how runs of waypoints are taken.
+    fn set_runs(&self, settings: &mut Settings) -> Result<(), OptionsError> {
+        if let Some(gap_mm) = self.gap_mm {
+            if !(gap_mm > 0.0 && gap_mm.is_finite()) {
+                return Err(OptionsError::Gap { gap_mm });
+            }
+            settings.gap_mm = Some(gap_mm);
+        }
+        in_range("--turn", self.turn_deg.unwrap_or(0.0), -360.0, 360.0)?;
+        let corner_mm = &mut settings.tolerances.corner_mm;
+        *corner_mm = self.corner_tolerance_mm.unwrap_or(*corner_mm);
+        settings.place = self.place.unwrap_or(settings.place);
+        let tilt_max_rad = self.tilt_max_deg.map(f64::to_radians);
+        settings.tilt_max_rad = tilt_max_rad.or(settings.tilt_max_rad);
+        if let Some(degrees) = self.axis_tolerance_deg {
+            in_range("--axis-tolerance", degrees, 0.0, AXIS_TOLERANCE_MAX_DEG)?;
+            settings.axis_tolerance_rad = degrees.to_radians();
+        }
+        Ok(())
     }
 
     /// Walls and lines as the options change them.
@@ -317,12 +344,6 @@ impl Options {
         infill.top_layers = self.top_layers.or(infill.top_layers);
         Ok(Some(infill))
     }
-}
-
-/// The first that is given.
-fn first_given(options: &[(&'static str, bool)]) -> Option<&'static str> {
-    let mut given = options.iter().filter(|(_, given)| *given);
-    given.next().map(|(name, _)| *name)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The options of `headway compare`, with their help.
 
+use crate::cli::args::PartArgs;
 use crate::cli::args::output_path::OutputPath;
-use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
 use clap::{Args, ValueHint};
 use std::path::PathBuf;
 
@@ -46,11 +46,7 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "PICTURE.svg", value_hint = ValueHint::AnyPath)]
     pub picture: Option<OutputPath>,
     #[command(flatten)]
-    pub reading: InputArgs,
-    #[command(flatten)]
-    pub place: PlaceArgs,
-    #[command(flatten)]
-    pub settings: SettingsArgs,
+    pub asked: PartArgs,
     /// The rows as one JSON list on stdout.
     #[arg(long)]
     pub json: bool,

@@ -1,6 +1,7 @@
 //! The options of `headway export`, with their help.
 
 use crate::cli::args::output_path::OutputPath;
+use crate::gcode::write::dialect::{Dialect, Retraction};
 use crate::report::plan_marks::Colouring;
 use clap::{Args, ValueEnum, ValueHint};
 use std::path::PathBuf;
@@ -25,7 +26,7 @@ pub(crate) struct ExportArgs {
     pub layer: Option<u32>,
     /// Colouring of the picture's passes [default: zone].
     #[arg(long, value_enum, value_name = "WHAT")]
-    pub colour: Option<ColourName>,
+    pub colour: Option<Colouring>,
     /// Time between two rows of the table, ms.
     #[arg(
         long,
@@ -66,10 +67,10 @@ pub(crate) struct EndHeatArgs {
 pub(crate) struct GcodeArgs {
     /// Controller that G-code is for.
     #[arg(long, value_enum, value_name = "CONTROLLER")]
-    pub dialect: Option<DialectName>,
+    pub dialect: Option<Dialect>,
     /// How primes and retracts are written [default: extruder, which changes no setting of the controller].
     #[arg(long, value_enum, value_name = "HOW")]
-    pub retraction: Option<RetractionName>,
+    pub retraction: Option<Retraction>,
     /// Diameter of the filament, mm.
     #[arg(
         long,
@@ -115,62 +116,12 @@ pub(crate) struct GcodeArgs {
     pub end_heat: EndHeatArgs,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum DialectName {
-    /// Klipper; the heading is a manual stepper with a G-code axis.
-    Klipper,
-    /// RepRapFirmware 3.
-    Reprapfirmware,
-    /// LinuxCNC; inverse time, U is the extruder.
-    Linuxcnc,
-    /// grblHAL; inverse time, U is the extruder.
-    Grblhal,
-    /// Marlin 2.1 with extra axes.
-    Marlin,
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub(crate) enum ArcsName {
     /// Arcs of the XY plane.
     On,
     /// Straight moves only.
     Off,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum RetractionName {
-    /// G10 and G11, lengths set before (M207, SET_RETRACTION).
-    Firmware,
-    /// M228 retracts, M227 primes.
-    Source,
-    /// The extruder's axis back and forth.
-    Extruder,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum ColourName {
-    /// The rule that each pass follows; a job from a file has one colour.
-    Zone,
-    /// When it is printed.
-    Order,
-    /// Speed of the tip.
-    Speed,
-    /// Width of the bead.
-    Width,
-    /// Heading.
-    Heading,
-}
-
-impl ColourName {
-    pub(crate) fn colouring(self) -> Colouring {
-        match self {
-            ColourName::Zone => Colouring::Zone,
-            ColourName::Order => Colouring::Order,
-            ColourName::Speed => Colouring::Speed,
-            ColourName::Width => Colouring::Width,
-            ColourName::Heading => Colouring::Heading,
-        }
-    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

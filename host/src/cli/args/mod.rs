@@ -21,14 +21,15 @@ use crate::cli::args::inspect::InspectArgs;
 use crate::cli::args::machine::MachineArgs;
 use crate::cli::args::other_names::OtherNames;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
-pub(crate) use names::{FormatName, UnitName};
+pub(crate) use names::FormatName;
 
 use crate::cli::args::output_path::OutputPath;
+use crate::input::Units;
 use crate::pipeline::shards::Shard;
 use crate::settings::Place;
 use crate::settings::options::Options;
 
-use clap::builder::ArgPredicate;
+use clap::builder::{ArgPredicate, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueHint};
 use std::path::PathBuf;
 
@@ -98,8 +99,8 @@ pub(crate) struct InputArgs {
     #[arg(long, value_enum, value_name = "FORMAT")]
     pub from: Option<FormatName>,
     /// Unit of the input's coordinates; overrides the file's.
-    #[arg(long, value_enum, value_name = "UNIT")]
-    pub units: Option<UnitName>,
+    #[arg(long, value_name = "UNIT", value_parser = units())]
+    pub units: Option<Units>,
     /// Factor on all coordinates of the input.
     #[arg(
         long,
@@ -129,6 +130,12 @@ pub(crate) struct InputArgs {
     pub dxf_layer: Vec<String>,
 }
 
+/// Units of an input by name.
+fn units() -> impl TypedValueParser<Value = Units> {
+    let names = PossibleValuesParser::new(["mm", "cm", "m", "um", "in"]);
+    names.try_map(|name| Units::parse(&name).ok_or("no unit"))
+}
+
 /// How a mesh is divided into layers.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Input")]
@@ -146,7 +153,7 @@ pub(crate) struct LayerArgs {
 }
 
 /// Position of the input on the machine.
-#[derive(Debug, Default, PartialEq, Args)]
+#[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Input")]
 pub(crate) struct PlaceArgs {
     /// Further runs of waypoints, printed after the input in this order, as one job.
@@ -241,6 +248,17 @@ pub(crate) struct SettingsArgs {
     pub options: Options,
 }
 
+/// How an input is read, placed and planned.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct PartArgs {
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub place: PlaceArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+}
+
 /// `headway plan`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -267,11 +285,7 @@ pub(crate) struct PlanArgs {
     #[arg(long, value_name = "K/N", requires = "cache", conflicts_with_all = ["output", "against"], value_parser = shard)]
     pub shard: Option<Shard>,
     #[command(flatten)]
-    pub reading: InputArgs,
-    #[command(flatten)]
-    pub place: PlaceArgs,
-    #[command(flatten)]
-    pub settings: SettingsArgs,
+    pub asked: PartArgs,
     #[command(flatten)]
     pub allow: AllowArgs,
     #[command(flatten)]
@@ -353,11 +367,7 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     #[command(flatten)]
-    pub reading: InputArgs,
-    #[command(flatten)]
-    pub place: PlaceArgs,
-    #[command(flatten)]
-    pub settings: SettingsArgs,
+    pub asked: PartArgs,
     #[command(flatten)]
     pub allow: AllowArgs,
     #[command(flatten)]
@@ -383,9 +393,5 @@ pub(crate) struct ViewArgs {
     #[arg(long)]
     pub no_open: bool,
     #[command(flatten)]
-    pub reading: InputArgs,
-    #[command(flatten)]
-    pub place: PlaceArgs,
-    #[command(flatten)]
-    pub settings: SettingsArgs,
+    pub asked: PartArgs,
 }

@@ -28,12 +28,3 @@ pub(crate) enum FormatName {
     /// A slicer's file: its centre lines, with the nozzle turned for their widths.
     Gcode,
 }
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum UnitName {
-    Mm,
-    Cm,
-    M,
-    Um,
-    In,
-}

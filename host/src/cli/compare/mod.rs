@@ -5,8 +5,8 @@
 
 mod sliced;
 
-use crate::cli::args::SettingsArgs;
 use crate::cli::args::compare::{CompareArgs, HeadingAxis};
+use crate::cli::args::{PartArgs, SettingsArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::planned;
 use crate::cli::reading::load;
@@ -88,7 +88,7 @@ impl Row {
 }
 
 pub(crate) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError> {
-    let apertures = &args.settings.aperture;
+    let apertures = &args.asked.settings.aperture;
     if apertures.len() + usize::from(args.sliced.is_some()) < 2 || apertures.is_empty() {
         return Err(CliError::Usage(
             "compare needs --aperture at least twice, once for each nozzle, or once beside --sliced"
@@ -145,7 +145,7 @@ fn planned_rows(
     axis: HeadingAxis,
     console: &Console,
 ) -> Result<Vec<Row>, CliError> {
-    let apertures = &args.settings.aperture;
+    let apertures = &args.asked.settings.aperture;
     let sliced = args
         .sliced
         .as_ref()
@@ -164,8 +164,8 @@ fn planned_rows(
         console.say(&format!("with {name} ({} of {}):", number + 1, names.len()));
         let row = match (apertures.get(number), &sliced) {
             (Some(aperture), _) => {
-                let settings = of_nozzle(args, aperture, axis)?;
-                match plan_with(args, &settings, console)? {
+                let asked = of_nozzle(args, aperture, axis)?;
+                match plan_with(args, &asked, console)? {
                     Ok(planned) => row(args, aperture, &planned),
                     Err(refused) => Row {
                         aperture: aperture.clone(),
@@ -193,39 +193,32 @@ fn planned_rows(
     Ok(rows)
 }
 
-/// The settings of one of the nozzles: fast where nothing asks for another quality, and with as many walls as --shell needs.
-fn of_nozzle(
-    args: &CompareArgs,
-    aperture: &str,
-    axis: HeadingAxis,
-) -> Result<SettingsArgs, CliError> {
-    let mut settings = SettingsArgs {
-        aperture: vec![aperture.to_string()],
-        heading_axis: Some(axis),
-        is_draft: true,
-        ..args.settings.clone()
-    };
+/// What is asked for with one of the nozzles: fast where nothing asks for another quality, and with as many walls as --shell
+/// needs.
+fn of_nozzle(args: &CompareArgs, aperture: &str, axis: HeadingAxis) -> Result<PartArgs, CliError> {
+    let mut asked = args.asked.clone();
+    let settings = &mut asked.settings;
+    settings.aperture = vec![aperture.to_string()];
+    settings.heading_axis = Some(axis);
+    settings.is_draft = true;
     if let Some(shell_mm) = args.shell {
         // Lines inside need walls to be inside of.
         settings.options.walls = Some(1);
-        let widest_mm = 2.0 * load::settings(&settings)?.aperture.major_mm();
+        let widest_mm = 2.0 * load::settings(settings)?.aperture.major_mm();
         settings.options.walls = Some((shell_mm / widest_mm - SHELL_SLACK).ceil().max(1.0) as u32);
     }
-    Ok(settings)
+    Ok(asked)
 }
 
 /// Plans with one nozzle; why the part cannot be printed with it is no error. Options that are wrong are wrong for all.
 fn plan_with(
     args: &CompareArgs,
-    settings: &SettingsArgs,
+    asked: &PartArgs,
     console: &Console,
 ) -> Result<Result<Planned, String>, CliError> {
-    let (reading, place) = (&args.reading, &args.place);
-    match planned::from_input(&args.input, reading, place, settings, &[], None, console) {
+    match planned::from_input(&args.input, asked, &[], None, console) {
         Ok(planned) => Ok(Ok(planned)),
-        Err(error @ (CliError::Usage(_) | CliError::File { .. } | CliError::OutputClosed)) => {
-            Err(error)
-        }
+        Err(error) if !error.is_of_part() => Err(error),
         Err(error) => Ok(Err(error.to_string())),
     }
 }
@@ -357,7 +350,7 @@ fn below_table(rows: &[Row], args: &CompareArgs) -> String {
         "ratio: to the first time; open: solid area that stays uncovered; unreachable: boundary that the nozzle cannot touch; \
          interruptions: stops of the flow between beads\n",
     );
-    let quality = args.settings.options.quality.unwrap_or(Quality::Fast);
+    let quality = args.asked.settings.options.quality.unwrap_or(Quality::Fast);
     let name = quality.to_possible_value();
     let name = name.as_ref().map_or("", |value| value.get_name());
     if rows.iter().any(|row| row.sliced.is_none()) {
@@ -404,7 +397,7 @@ fn heading_line(rows: &[Row], args: &CompareArgs) -> Option<String> {
     let (speed, acceleration) = rows.iter().find_map(limits)?;
     let of_machine = SettingsArgs {
         aperture: Vec::new(),
-        ..args.settings.clone()
+        ..args.asked.settings.clone()
     };
     let motor = load::settings(&of_machine).ok();
     let motor = motor.and_then(|settings| settings.heading_motor);
@@ -443,16 +436,16 @@ fn break_even(
     };
     let turned_s = |slower: f64| -> Result<f64, CliError> {
         let axis = HeadingAxis { slower, ..axis };
-        let settings = of_nozzle(args, &turned.aperture, axis)?;
+        let asked = of_nozzle(args, &turned.aperture, axis)?;
         console.say(&format!(
             "with {} and {slower:.2} of the heading axis:",
             words_of(&turned.aperture)
         ));
-        let planned = plan_with(args, &settings, console)?.ok();
+        let planned = plan_with(args, &asked, console)?.ok();
         let print_s = planned.and_then(|planned| planned.figures.print_s);
         Ok(print_s.unwrap_or(f64::INFINITY))
     };
-    let settings = load::settings(&of_nozzle(args, &turned.aperture, axis)?)?;
+    let settings = load::settings(&of_nozzle(args, &turned.aperture, axis)?.settings)?;
     let of_axis = |slower: f64| {
         let joint = settings.heading_joint();
         joint.map_or("the heading axis".to_string(), |joint| {

@@ -4,7 +4,7 @@
 //! the slicer estimates. Leaves out ground that stays open: the file has no outline to tell it from.
 
 use crate::cli::args::compare::{CompareArgs, HeadingAxis};
-use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
+use crate::cli::args::{InputArgs, PartArgs, PlaceArgs, SettingsArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::planned;
 use crate::cli::reading::load;
@@ -52,23 +52,25 @@ impl SlicedFile {
         console: &Console,
     ) -> Result<Planned, CliError> {
         let path = &self.path;
-        let settings = SettingsArgs {
-            machine: args.settings.machine.clone(),
-            heading_axis: Some(axis),
-            aperture: vec![self.aperture.clone()],
-            ..SettingsArgs::default()
+        let asked = PartArgs {
+            settings: SettingsArgs {
+                machine: args.asked.settings.machine.clone(),
+                heading_axis: Some(axis),
+                aperture: vec![self.aperture.clone()],
+                ..SettingsArgs::default()
+            },
+            reading: InputArgs {
+                from: None,
+                units: None,
+                scale: 1.0,
+                repair: false,
+                rotate: None,
+                dxf_layer: Vec::new(),
+                ..args.asked.reading.clone()
+            },
+            place: PlaceArgs::default(),
         };
-        let reading = InputArgs {
-            from: None,
-            units: None,
-            scale: 1.0,
-            repair: false,
-            rotate: None,
-            dxf_layer: Vec::new(),
-            ..args.reading.clone()
-        };
-        let place = PlaceArgs::default();
-        let planned = planned::from_input(path, &reading, &place, &settings, &[], None, console)?;
+        let planned = planned::from_input(path, &asked, &[], None, console)?;
         if planned.outline.is_empty() && planned.plan.is_none() {
             return Ok(planned);
         }

@@ -1,6 +1,6 @@
 //! `headway export`: a job as tables, pictures, JSON or G-code.
 
-use crate::cli::args::export::{ColourName, ExportArgs, ExportName};
+use crate::cli::args::export::{ExportArgs, ExportName};
 use crate::cli::error::CliError;
 use crate::cli::job::export_gcode;
 use crate::cli::plan::planned;
@@ -97,7 +97,7 @@ fn svg(planned: Planned, args: &ExportArgs) -> Result<String, CliError> {
         _ => format!("{}: layer {number} of {layers}", planned.name),
     };
     let picture = PlanPicture {
-        colouring: args.colour.unwrap_or(ColourName::Zone).colouring(),
+        colouring: args.colour.unwrap_or_default(),
         ..pictures::plan_picture(&title, &planned, number - 1)
     };
     Ok(plan_picture::draw(&picture))

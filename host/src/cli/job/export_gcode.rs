@@ -1,6 +1,6 @@
 //! `headway export --to gcode`: a job for another controller, and figures of the exported file.
 
-use crate::cli::args::export::{ArcsName, DialectName, ExportArgs, RetractionName};
+use crate::cli::args::export::{ArcsName, ExportArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::missing_heat::{missing_heat, missing_in_text};
 use crate::cli::reading::job::Job;
@@ -9,7 +9,6 @@ use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::OutputFile;
 use crate::gcode::FILAMENT_MM;
 use crate::gcode::write::controller_time::SlowedBy;
-use crate::gcode::write::dialect::{Dialect, Retraction};
 use crate::gcode::write::limits::AxisLimits;
 use crate::gcode::write::{
     JobText, WriteError, WriteOptions, Written, filament_mm2, is_tilting, write_gcode,
@@ -114,13 +113,6 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
             ))),
         };
     let block = |path: Option<&Path>| path.map(load::read_text).transpose();
-    let dialect = match dialect {
-        DialectName::Klipper => Dialect::Klipper,
-        DialectName::Reprapfirmware => Dialect::RepRapFirmware,
-        DialectName::Linuxcnc => Dialect::LinuxCnc,
-        DialectName::Grblhal => Dialect::GrblHal,
-        DialectName::Marlin => Dialect::Marlin,
-    };
     let of_machine = job.settings.as_ref().and_then(|of| of.gcode_letters);
     let turns = match (&of.letters, of_machine) {
         (Some(text), _) => letters(text)?,
@@ -129,11 +121,7 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
     let filament_mm = between("--filament-diameter", of.filament_diameter, FILAMENT_MM)?;
     Ok(WriteOptions {
         dialect,
-        retraction: of.retraction.map(|retraction| match retraction {
-            RetractionName::Firmware => Retraction::Firmware,
-            RetractionName::Source => Retraction::Source,
-            RetractionName::Extruder => Retraction::Extruder,
-        }),
+        retraction: of.retraction,
         filament_mm,
         limits: AxisLimits::of_machine(&job.file.header.machine, filament_mm2(filament_mm)),
         turns,

@@ -1,7 +1,7 @@
 //! `headway simulate`: the job through link and firmware, checked against the plan.
 
 use crate::cli::args::output_path::OutputPath;
-use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs, SimulateArgs};
+use crate::cli::args::{PartArgs, SimulateArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::planned;
 use crate::cli::plan::verdict;
@@ -19,7 +19,6 @@ use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::findings::simulated::{outcome, simulation_figures};
 use crate::pipeline::page::pictures;
 use crate::pipeline::planned::Planned;
-use std::path::Path;
 
 /// Time between two rows of `--trace`.
 const TRACE_EVERY_MS: f64 = 1.0;
@@ -67,13 +66,10 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         let fault = Objection::of_run(&fault);
         planned.objections.insert(0, fault);
     }
-    verdict::note(&planned.objections, &mut planned.figures);
+    planned.note_objections();
     if !job::is_job(&args.input) {
-        let other = |settings: &SettingsArgs| {
-            let (input, place) = (&args.input, &args.place);
-            planned::from_input(input, &args.reading, place, settings, &[], None, console)
-        };
-        verdict::compare(&args.verdict, &args.settings, other, &mut planned.figures)?;
+        let other = |asked: &PartArgs| planned::from_input(&args.input, asked, &[], None, console);
+        verdict::compare(&args.verdict, &args.asked, other, &mut planned.figures)?;
     }
     settle(&mut planned);
     write_traces(&poses, &steps, &planned, &dry_run)?;
@@ -91,30 +87,16 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
 
 /// The job as it is read, or planned.
 fn planned_of(args: &SimulateArgs, console: &Console) -> Result<Planned, CliError> {
-    if job::is_job(&args.input) {
-        if args.verdict.against.is_some() {
-            return Err(CliError::Usage(
-                "--against plans the input again: give the input, not its job".to_string(),
-            ));
-        }
-        let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
-        console.notes(unused.as_slice());
-        planned::from_job(&args.input, &args.settings)
-    } else {
-        let (planned, ()) = verdict::planned_as_allowed(&args.allow, |widened| {
-            let planned = planned::from_input(
-                &args.input,
-                &args.reading,
-                &args.place,
-                &args.settings,
-                widened,
-                None,
-                console,
-            )?;
-            Ok((planned, ()))
-        })?;
-        Ok(planned)
+    if job::is_job(&args.input) && args.verdict.against.is_some() {
+        return Err(CliError::Usage(
+            "--against plans the input again: give the input, not its job".to_string(),
+        ));
     }
+    let (planned, ()) = verdict::planned_as_allowed(&args.allow, |widened| {
+        let planned = planned::from_file(&args.input, &args.asked, widened, console)?;
+        Ok((planned, ()))
+    })?;
+    Ok(planned)
 }
 
 /// Reports the commands for heaters and fans: the simulated line carries only the motion.
@@ -135,45 +117,6 @@ fn tell_heat(planned: &mut Planned, console: &Console) {
     let note = format!("heaters and fans: {}", told.join("; "));
     console.notes(std::slice::from_ref(&note));
     planned.notes.push(note);
-}
-
-/// Options given for a job that only planning could apply.
-pub(crate) fn of_no_use(
-    input: &Path,
-    reading: &InputArgs,
-    place: &PlaceArgs,
-    settings: &SettingsArgs,
-) -> Option<String> {
-    let InputArgs {
-        from,
-        units,
-        scale,
-        repair,
-        rotate,
-        filament_diameter,
-        axes,
-        dxf_layer,
-    } = reading;
-    let of_reading = from.is_some()
-        || units.is_some()
-        || *scale != 1.0
-        || *repair
-        || rotate.is_some()
-        || filament_diameter.is_some()
-        || axes.is_some()
-        || !dxf_layer.is_empty();
-    let machine_alone = SettingsArgs {
-        machine: settings.machine.clone(),
-        ..SettingsArgs::default()
-    };
-    let of_plan = *place != PlaceArgs::default() || *settings != machine_alone;
-    (of_reading || of_plan).then(|| {
-        let path = input.display();
-        format!(
-            "{path} is planned already: options of input and settings change nothing; plan the \
-             input again with them"
-        )
-    })
 }
 
 fn write_traces(

@@ -2,9 +2,8 @@
 
 use crate::cli::args::ViewArgs;
 use crate::cli::error::CliError;
-use crate::cli::job::simulate::{of_no_use, write_report};
+use crate::cli::job::simulate::write_report;
 use crate::cli::plan::planned;
-use crate::cli::reading::job;
 use crate::cli::terminal::console::Console;
 use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::page::with_times;
@@ -14,21 +13,7 @@ pub(crate) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
     let report = args.report.clone();
     let folder = report.unwrap_or_else(|| beside(args).into());
     let folder = folder.report(console)?;
-    let mut planned = if job::is_job(&args.input) {
-        let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
-        console.notes(unused.as_slice());
-        planned::from_job(&args.input, &args.settings)?
-    } else {
-        planned::from_input(
-            &args.input,
-            &args.reading,
-            &args.place,
-            &args.settings,
-            &[],
-            None,
-            console,
-        )?
-    };
+    let mut planned = planned::from_file(&args.input, &args.asked, &[], console)?;
     with_times(&mut planned);
     settle(&mut planned);
     write_report(&folder, &planned, console)?;

@@ -21,6 +21,7 @@ use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::pipeline::packing::JobPacking;
 use crate::pipeline::planned::Planned;
+use crate::settings::options::OF_OUTLINES;
 use crate::settings::{Settings, machine_file};
 use crate::text::short_number::Short;
 use headway_protocol::units::CHANNEL_VOLUME;
@@ -41,7 +42,8 @@ struct Written {
 
 pub(crate) fn run(args: &CalibrateArgs, console: &Console) -> Result<(), CliError> {
     let settings = load::settings(&args.settings)?;
-    if let Some(option) = load::outline_option(&args.settings, None) {
+    let given = args.settings.options.given();
+    if let Some(option) = OF_OUTLINES.split(", ").find(|name| given.contains(name)) {
         return Err(CliError::Usage(format!(
             "{option} goes with outlines: a pattern is printed unchanged"
         )));

@@ -1,134 +1,110 @@
 //! A job, newly planned or read from a file: the common input of `plan` and `simulate`.
 
-use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
+use crate::api::blocks::KeptBlocks;
+use crate::api::part::What;
+use crate::api::ready::Ready;
+use crate::api::{BlockStore, Cache, Options, Part};
+use crate::cli::args::{InputArgs, PartArgs, PlaceArgs, SettingsArgs};
 use crate::cli::error::CliError;
-use crate::cli::plan::{planned_curved, planned_gcode, planned_part, planned_patch};
-use crate::cli::reading::job;
-use crate::cli::reading::job::Job;
-use crate::cli::reading::{copies, load, load_run};
+use crate::cli::plan::piece_cache::{CacheFolder, program};
+use crate::cli::reading::job::{self, Job};
+use crate::cli::reading::load;
+use crate::cli::reading::part::ready;
 use crate::cli::terminal::console::Console;
-use crate::geometry::polygon::Region;
-use crate::input::declared_run::at_feeds;
+use crate::cli::terminal::output_file::end_whole_on_interrupt;
+use crate::input::Input;
 use crate::input::waypoints::WaypointRun;
-use crate::input::{Input, Loaded, Target};
-use crate::mesh::Mesh;
+use crate::pipeline::PlanError;
 use crate::pipeline::packing::JobPacking;
 use crate::pipeline::planned::Planned;
-use crate::pipeline::surface::plan_on_surface;
-use crate::pipeline::{Plan, PlanError, plan_target_around, plan_waypoints_with_progress};
 use crate::plan::motion::motion_error::MotionError;
+use crate::plan::progress::Progress;
 use crate::settings::Settings;
-use crate::settings::run_options::RunOptions;
 use std::fs::File;
 use std::path::Path;
-use std::time::Instant;
 
 /// By how much the range of a joint that may leave it becomes wider at either end: more than any part needs, and
 /// not so much that a joint that turns has no end.
 const WIDER_MM: f64 = 10_000.0;
 const WIDER_RAD: f64 = 600.0;
 
-/// An input that is planned in one piece.
-enum Flat {
-    Outline(Loaded),
-    Path(WaypointRun),
-}
-
-impl Flat {
-    /// Its name, its regions where it has any, and the notes of reading.
-    fn named(self) -> (Target, Vec<String>) {
-        match self {
-            Flat::Outline(loaded) => (loaded.target, loaded.notes),
-            Flat::Path(run) => {
-                let regions = Vec::new();
-                let name = run.name;
-                (Target { name, regions }, run.notes)
-            }
-        }
-    }
-}
-
 /// Reads an input and plans it, the ranges of the joints `widened` as if they had no end. The stream of a mesh
 /// is written to `job` if given, piece by piece, and is then not part of the result.
 pub(crate) fn from_input(
     path: &Path,
-    reading: &InputArgs,
-    place: &PlaceArgs,
-    settings_args: &SettingsArgs,
+    asked: &PartArgs,
     widened: &[usize],
     job: Option<&mut JobPacking<File>>,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    let mut settings = placed_settings(place, settings_args)?;
-    let own_joints = settings.machine.joints.to_vec();
+    let (mut ready, path) = ready(path, asked, console)?;
+    let own_joints = ready.settings.machine.joints.to_vec();
     for &joint in widened {
-        if let Some(joint) = settings.machine.joints.get_mut(joint) {
+        if let Some(joint) = ready.settings.machine.joints.get_mut(joint) {
             let wider = if joint.rotary { WIDER_RAD } else { WIDER_MM };
             joint.position_min -= wider;
             joint.position_max += wider;
         }
     }
-    let mut planned = planned_input(
-        path,
-        (reading, place, settings_args),
-        settings,
-        job,
-        console,
-    )?;
-    console.notes(planned.note_idle_options(&settings_args.options));
+    let cache = asked.place.cache.as_deref();
+    if ready.has_blocks() {
+        end_whole_on_interrupt(interrupted(cache));
+    }
+    let planned = planned(ready, path, cache, job, console)?;
     Ok(Planned {
         own_joints: (!widened.is_empty()).then_some(own_joints),
         ..planned
     })
 }
 
-fn planned_input(
+fn planned(
+    ready: Ready,
     path: &Path,
-    (reading, place, settings_args): (&InputArgs, &PlaceArgs, &SettingsArgs),
-    mut settings: Settings,
+    cache: Option<&Path>,
     job: Option<&mut JobPacking<File>>,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    if let Some(patch) = planned_patch::wanted(path, (reading, place))? {
-        return patch.planned(settings, console);
+    let read = ready.notes.len();
+    let planned = with_blocks(path, cache, console, |blocks, bar| {
+        ready.planned(blocks, job, bar)
+    })?;
+    console.notes(&planned.notes[read..]);
+    Ok(planned)
+}
+
+/// Plans under the bar, with the blocks that the folder keeps.
+pub(crate) fn with_blocks<T>(
+    path: &Path,
+    folder: Option<&Path>,
+    console: &Console,
+    plan: impl FnOnce(&mut KeptBlocks, &dyn Progress) -> Result<T, PlanError>,
+) -> Result<T, CliError> {
+    let mut store = folder.map(CacheFolder::open).transpose()?;
+    let program = folder.map(|_| program()).unwrap_or_default();
+    let mut blocks = KeptBlocks::of(store.as_mut().map(|store| Cache {
+        store: store as &mut dyn BlockStore,
+        program: &program,
+    }));
+    let bar = console.planning();
+    let planned = plan(&mut blocks, &bar);
+    bar.clear();
+    console.notes(&blocks.notes);
+    planned.map_err(|error| plan_error(path, &error))
+}
+
+/// The message on Ctrl-C.
+fn interrupted(cache: Option<&Path>) -> String {
+    match cache {
+        Some(folder) => format!(
+            "stopped, no job is written; the layers planned so far are in {}: the same command goes on \
+             with them",
+            folder.display()
+        ),
+        None => {
+            "stopped, no job is written; with --cache DIR the same command would go on where it was"
+                .to_string()
+        }
     }
-    let turn_rad = load_run::turn_rad(place.turn)?;
-    let input = load::input(path, reading, &settings, console)?;
-    check_options(&input, place, settings_args)?;
-    let surface = load_run::surface(place, reading)?;
-    let keep_out = load::keep_out(place.keep_out.as_deref(), reading, &settings, console)?;
-    let input = match input {
-        Input::Mesh(loaded) if place.curved_layers.is_some() => {
-            return planned_curved::from_mesh(
-                path,
-                loaded,
-                (place, settings_args),
-                settings,
-                console,
-            );
-        }
-        Input::Mesh(loaded) => {
-            return planned_part::from_mesh(path, loaded, place, &keep_out, settings, job, console);
-        }
-        Input::Gcode(program) => {
-            let speed = settings_args.options.speed_mm_s;
-            return planned_gcode::from_gcode(path, program, speed, settings, console);
-        }
-        Input::Outline(mut loaded) => {
-            let layer = std::iter::once(&mut loaded.target.regions);
-            let told = copies::spread(place, layer, &settings)?;
-            console.notes(told.as_slice());
-            loaded.notes.extend(told);
-            Flat::Outline(loaded)
-        }
-        Input::Path(run) => {
-            let run = load_run::with_more(run, reading, place, &settings, console)?;
-            let mut run = run.turned(turn_rad);
-            settings = at_feeds(&mut run, settings_args.options.speed_mm_s, &settings);
-            Flat::Path(run)
-        }
-    };
-    planned_flat(input, surface.as_ref(), &keep_out, settings, path, console)
 }
 
 /// Plans a run of waypoints that no file holds; `path` is what messages call it.
@@ -138,51 +114,14 @@ pub(crate) fn from_run(
     path: &Path,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    planned_flat(Flat::Path(run), None, &[], settings, path, console)
-}
-
-fn planned_flat(
-    input: Flat,
-    surface: Option<&Mesh>,
-    keep_out: &[Region],
-    settings: Settings,
-    path: &Path,
-    console: &Console,
-) -> Result<Planned, CliError> {
-    let (bar, begun) = (console.planning(), Instant::now());
-    let planned = match (&input, surface) {
-        (Flat::Outline(Loaded { target, .. }), Some(mesh)) => {
-            plan_on_surface(target, mesh, keep_out, &settings, &bar)
-        }
-        (Flat::Outline(Loaded { target, .. }), None) => {
-            plan_target_around(target, keep_out, &settings, &bar)
-        }
-        (Flat::Path(run), _) => plan_waypoints_with_progress(run, &settings, &bar),
-    };
-    let plan_s = begun.elapsed().as_secs_f64();
-    bar.clear();
-    let plan = planned.map_err(|error| plan_error(path, &error))?;
-    let (target, notes) = input.named();
-    Ok(finished(plan, plan_s, target, notes, settings, console))
-}
-
-/// What a plan came to.
-pub(crate) fn finished(
-    plan: Plan,
-    plan_s: f64,
-    target: Target,
-    notes: Vec<String>,
-    settings: Settings,
-    console: &Console,
-) -> Planned {
-    let read = notes.len();
-    let planned = Planned::of_plan(plan, plan_s, target, notes, settings);
-    console.notes(&planned.notes[read..]);
-    planned
+    let part = Part::of(What::Input(Input::Path(run)));
+    let ready = Ready::of(part, &Options::default(), settings, false);
+    let ready = ready.map_err(|error| CliError::Job(error.to_string()))?;
+    planned(ready, path, None, None, console)
 }
 
 /// Why an input cannot be planned.
-pub(crate) fn plan_error(path: &Path, error: &PlanError) -> CliError {
+fn plan_error(path: &Path, error: &PlanError) -> CliError {
     let (input, place) = (path.display().to_string(), error.to_string());
     match error {
         PlanError::Motion(MotionError::OutsideJointRange { joint, .. }) => CliError::OutsideRange {
@@ -194,74 +133,56 @@ pub(crate) fn plan_error(path: &Path, error: &PlanError) -> CliError {
     }
 }
 
-/// The settings with the options for the input's position.
-pub(crate) fn placed_settings(
-    place: &PlaceArgs,
-    settings: &SettingsArgs,
-) -> Result<Settings, CliError> {
-    let settings = load::settings(settings)?;
-    let of_run = RunOptions {
-        gap_mm: place.gap,
-        corner_tolerance_mm: place.corner_tolerance,
-        place: place.place,
+/// Reads a job file, or an input and plans it.
+pub(crate) fn from_file(
+    path: &Path,
+    asked: &PartArgs,
+    widened: &[usize],
+    console: &Console,
+) -> Result<Planned, CliError> {
+    if !job::is_job(path) {
+        return from_input(path, asked, widened, None, console);
+    }
+    console.notes(of_no_use(path, asked).as_slice());
+    from_job(path, &asked.settings)
+}
+
+/// Options given for a job that only planning could apply.
+fn of_no_use(input: &Path, asked: &PartArgs) -> Option<String> {
+    let InputArgs {
+        from,
+        units,
+        scale,
+        repair,
+        rotate,
+        filament_diameter,
+        axes,
+        dxf_layer,
+    } = &asked.reading;
+    let of_reading = from.is_some()
+        || units.is_some()
+        || *scale != 1.0
+        || *repair
+        || rotate.is_some()
+        || filament_diameter.is_some()
+        || axes.is_some()
+        || !dxf_layer.is_empty();
+    let machine_alone = SettingsArgs {
+        machine: asked.settings.machine.clone(),
+        ..SettingsArgs::default()
     };
-    let settings = of_run.over(settings);
-    Ok(Settings {
-        axis_tolerance_rad: load_run::axis_tolerance_rad(place.axis_tolerance)?,
-        tilt_max_rad: load_run::tilt_max_rad(place.tilt_max)?,
-        obstacles: load_run::obstacles(&place.obstacle)?,
-        at_mm: copies::first_at_mm(place)?,
-        ..settings.map_err(|error| CliError::Usage(error.to_string()))?
+    let of_plan = asked.place != PlaceArgs::default() || asked.settings != machine_alone;
+    (of_reading || of_plan).then(|| {
+        let path = input.display();
+        format!(
+            "{path} is planned already: options of input and settings change nothing; plan the \
+             input again with them"
+        )
     })
 }
 
-/// Options that go with another kind of input.
-pub(crate) fn check_options(
-    input: &Input,
-    place: &PlaceArgs,
-    settings: &SettingsArgs,
-) -> Result<(), CliError> {
-    let of_outlines = load::outline_option(settings, place.keep_out.as_deref());
-    let problem = match (input, of_outlines, load::mesh_option(place)) {
-        (Input::Mesh(_), ..) if settings.options.layers.is_some() => {
-            "--layers goes with outlines: a mesh has its own; --layer-range takes some of them"
-                .to_string()
-        }
-        (Input::Mesh(_) | Input::Path(_) | Input::Gcode(_), ..) if place.surface.is_some() => {
-            "--surface goes with outlines: only they are projected onto a surface".to_string()
-        }
-        (Input::Outline(_) | Input::Path(_) | Input::Gcode(_), ..)
-            if place.curved_layers.is_some() =>
-        {
-            "--curved-layers goes with meshes (STL, 3MF, OBJ): only a part has tops to follow"
-                .to_string()
-        }
-        (Input::Path(_) | Input::Gcode(_), ..) if copies::option(place).is_some() => {
-            let option = copies::option(place).unwrap_or_default();
-            format!("{option} goes with outlines and meshes: a path is printed once")
-        }
-        _ if place.surface.is_some() && copies::option(place).is_some() => {
-            "a surface carries one part: leave --copies and further --at out".to_string()
-        }
-        (Input::Path(_) | Input::Gcode(_), Some(option), _) => {
-            format!("{option} goes with outlines: a path is followed as it is")
-        }
-        (Input::Outline(_) | Input::Mesh(_) | Input::Gcode(_), ..)
-            if load::run_option(place).is_some() =>
-        {
-            let option = load::run_option(place).unwrap_or_default();
-            format!("{option} goes with runs of waypoints: outlines have no tool axes")
-        }
-        (Input::Outline(_) | Input::Path(_) | Input::Gcode(_), _, Some(option)) => {
-            format!("{option} goes with meshes: all layers of an outline are the same")
-        }
-        _ => return Ok(()),
-    };
-    Err(CliError::Usage(problem))
-}
-
 /// Reads a job file. A machine that is given must be the job's.
-pub(crate) fn from_job(path: &Path, settings: &SettingsArgs) -> Result<Planned, CliError> {
+fn from_job(path: &Path, settings: &SettingsArgs) -> Result<Planned, CliError> {
     let job = job::read(path)?;
     if settings.machine.is_some() {
         let given = load::settings(settings)?;

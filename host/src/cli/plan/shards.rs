@@ -1,101 +1,71 @@
 //! `headway plan --shard K/N`: plans a share of a mesh's blocks into the folder of `--cache`, and writes no job.
 
+use crate::api::{PlannedBlock, PlannedShard};
 use crate::cli::args::PlanArgs;
 use crate::cli::error::CliError;
-use crate::cli::plan::piece_cache::{CacheFolder, program};
-use crate::cli::plan::planned::{check_options, placed_settings, plan_error};
-use crate::cli::plan::planned_part::sliced;
-use crate::cli::reading::load;
+use crate::cli::plan::planned::with_blocks;
+use crate::cli::reading::part::ready;
 use crate::cli::terminal::console::Console;
-use crate::input::Input;
 use crate::pipeline::piece::PieceCache;
-use crate::pipeline::shards::{Shard, ShardBlock, plan_shard};
+use crate::pipeline::shards::Shard;
 use serde_json::json;
 
 pub(crate) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
-    let (Some(shard), Some(folder)) = (args.shard, &args.place.cache) else {
+    let (Some(shard), Some(folder)) = (args.shard, &args.asked.place.cache) else {
         return Err(CliError::Usage(
             "--shard K/N and --cache DIR go together".to_string(),
         ));
     };
-    let (path, place) = (&args.input, &args.place);
-    let settings = placed_settings(place, &args.settings)?;
-    let no_blocks = || {
-        CliError::Usage(
-            "--shard goes with a mesh in flat layers: only it is planned in blocks".to_string(),
-        )
-    };
-    if place.surface.is_some() || place.curved_layers.is_some() {
-        return Err(no_blocks());
-    }
-    let input = load::input(path, &args.reading, &settings, console)?;
-    check_options(&input, place, &args.settings)?;
-    let keep_out = load::keep_out(place.keep_out.as_deref(), &args.reading, &settings, console)?;
-    let Input::Mesh(loaded) = input else {
-        return Err(no_blocks());
-    };
-    let (part, first) = sliced(path, &loaded, place, &settings, console)?;
-    let mut cache = CacheFolder::open(Some(folder))?;
-    let bar = console.planning();
-    let planned = plan_shard(
-        &part,
-        &keep_out,
-        first,
-        &settings,
-        shard,
-        (&mut cache, &program()),
-        &bar,
-    );
-    bar.clear();
-    console.notes(&cache.notes);
-    let (blocks, count) = planned.map_err(|error| plan_error(path, &error))?;
-    if !cache.keeps() {
+    let (ready, path) = ready(&args.input, &args.asked, console)?;
+    let (planned, is_kept) = with_blocks(path, Some(folder), console, |blocks, bar| {
+        let planned = ready.shard(shard, blocks, bar)?;
+        Ok((planned, blocks.keeps()))
+    })?;
+    if !is_kept {
         return Err(CliError::Job(format!(
             "{}: the blocks could not be written to it",
             folder.display()
         )));
     }
     let text = match args.json {
-        true => as_json(shard, &blocks, count),
-        false => as_text(shard, &blocks, count),
+        true => as_json(shard, &planned),
+        false => as_text(shard, &planned),
     };
     console.result(&text)
 }
 
-fn as_json(shard: Shard, blocks: &[ShardBlock], count: usize) -> String {
-    let rows = blocks.iter().map(|block| {
+fn as_json(shard: Shard, planned: &PlannedShard) -> String {
+    let rows = planned.own.iter().map(|block| {
         json!({
-            "block": block.block + 1,
-            "layers": [block.layers.start + 1, block.layers.end],
+            "block": block.number,
+            "layers": block.layers,
             "was_planned": block.was_known,
         })
     });
     let all = json!({
         "shard": shard.number,
         "shards": shard.count,
-        "blocks": count,
+        "blocks": planned.blocks,
         "own": rows.collect::<Vec<_>>(),
     });
     format!("{all}\n")
 }
 
-fn as_text(shard: Shard, blocks: &[ShardBlock], count: usize) -> String {
-    let row = |block: &ShardBlock| {
+fn as_text(shard: Shard, planned: &PlannedShard) -> String {
+    let row = |block: &PlannedBlock| {
         let what = match block.was_known {
             true => "was there",
             false => "planned",
         };
-        let (number, layers) = (block.block + 1, &block.layers);
-        format!(
-            "block {number}: layers {} to {} {what}\n",
-            layers.start + 1,
-            layers.end
-        )
+        let [first, last] = block.layers;
+        format!("block {}: layers {first} to {last} {what}\n", block.number)
     };
-    let rows: String = blocks.iter().map(row).collect();
-    let Shard { number, count: of } = shard;
+    let rows: String = planned.own.iter().map(row).collect();
     format!(
-        "{rows}shard {number}/{of}: {} of {count} blocks\n",
-        blocks.len()
+        "{rows}shard {}/{}: {} of {} blocks\n",
+        shard.number,
+        shard.count,
+        planned.own.len(),
+        planned.blocks
     )
 }

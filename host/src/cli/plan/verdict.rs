@@ -3,7 +3,7 @@
 //! In: a planned job with its objections, `--allow`. Out: the printed verdict, exit status 1 if an
 //! objection remains. Not covered: how objections are found.
 
-use crate::cli::args::SettingsArgs;
+use crate::cli::args::PartArgs;
 use crate::cli::args::allow::{AllowArgs, AllowName, RefuseName, VerdictArgs};
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
@@ -88,34 +88,21 @@ pub(crate) fn check(
     )))
 }
 
-/// Notes the objections in the figures, which say them first, before those that the job was written with.
-pub(crate) fn note(objections: &[Objection], figures: &mut Figures) {
-    let mut lines: Vec<String> = objections.iter().map(|o| o.text.clone()).collect();
-    lines.extend(figures.objections.take().unwrap_or_default());
-    if !lines.is_empty() {
-        figures.objections = Some(lines);
-    }
-}
-
 /// Plans the part with another nozzle, if requested, and notes the time with it.
 pub(crate) fn compare(
     args: &VerdictArgs,
-    settings: &SettingsArgs,
-    plan: impl FnOnce(&SettingsArgs) -> Result<Planned, CliError>,
+    asked: &PartArgs,
+    plan: impl FnOnce(&PartArgs) -> Result<Planned, CliError>,
     figures: &mut Figures,
 ) -> Result<(), CliError> {
     let Some(aperture) = &args.against else {
         return Ok(());
     };
-    let settings = SettingsArgs {
-        aperture: vec![aperture.clone()],
-        ..settings.clone()
-    };
-    let print_s = match plan(&settings) {
+    let mut asked = asked.clone();
+    asked.settings.aperture = vec![aperture.clone()];
+    let print_s = match plan(&asked) {
         Ok(planned) => planned.figures.print_s,
-        Err(error @ (CliError::Usage(_) | CliError::File { .. } | CliError::OutputClosed)) => {
-            return Err(error);
-        }
+        Err(error) if !error.is_of_part() => return Err(error),
         Err(_) => None,
     };
     figures.against = Some(AgainstFigures {

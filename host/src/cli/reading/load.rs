@@ -1,18 +1,18 @@
 //! Options and files -> settings and target.
 
 use crate::cli::args::compare::HeadingAxis;
-use crate::cli::args::{FormatName, InputArgs, PlaceArgs, SettingsArgs, UnitName};
+use crate::cli::args::{InputArgs, SettingsArgs};
 use crate::cli::error::CliError;
 use crate::cli::reading::{file_axes, job};
 use crate::cli::terminal::console::Console;
 use crate::gcode::FILAMENT_MM;
 use crate::geometry::polygon::Region;
-use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
-use crate::mesh::MeshFormat;
+use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::options::Options;
 use crate::settings::{Quality, Settings, machine_file};
 use crate::text::plain::plain;
+use clap::ValueEnum;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -109,18 +109,6 @@ fn machine_with_polygon(text: String, path: &Path) -> Result<String, CliError> {
     Ok(text.replacen(given, &with_polygon(given, folder)?, 1))
 }
 
-impl UnitName {
-    pub(crate) fn units(self) -> Units {
-        match self {
-            UnitName::Mm => Units::Mm,
-            UnitName::Cm => Units::Cm,
-            UnitName::M => Units::M,
-            UnitName::Um => Units::Um,
-            UnitName::In => Units::In,
-        }
-    }
-}
-
 /// Reads an input and prints its notes.
 pub(crate) fn input(
     path: &Path,
@@ -128,41 +116,33 @@ pub(crate) fn input(
     settings: &Settings,
     console: &Console,
 ) -> Result<Input, CliError> {
-    let format = match args.from {
-        Some(FormatName::Polygon) => Format::Polygon,
-        Some(FormatName::Geojson) => Format::GeoJson,
-        Some(FormatName::Svg) => Format::Svg,
-        Some(FormatName::Dxf) => Format::Dxf,
-        Some(FormatName::Waypoints) => Format::Waypoints,
-        Some(FormatName::Nurbs) => Format::Nurbs,
-        Some(FormatName::Stl) => Format::Mesh(MeshFormat::Stl),
-        Some(FormatName::ThreeMf) => Format::Mesh(MeshFormat::ThreeMf),
-        Some(FormatName::Obj) => Format::Mesh(MeshFormat::Obj),
-        Some(FormatName::Gcode) => Format::Gcode,
-        None => Format::of_ending(path).ok_or_else(|| {
-            let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
-            let (path, is_folder) = (path.display().to_string(), path.is_dir());
-            let error = match ending.to_str() {
-                Some("step" | "stp" | "iges" | "igs" | "f3d" | "fcstd" | "sldprt") => {
-                    InputError::CadFormat { path }
-                }
-                Some("hwj") => InputError::NoInput {
-                    path,
-                    what: "a job, which is planned: simulate, export or stream it",
-                },
-                Some("toml") => InputError::NoInput {
-                    path,
-                    what: "a machine file: give it with -m, and the part as the input",
-                },
-                _ if is_folder => InputError::NoInput {
-                    path,
-                    what: "a folder: name a file in it",
-                },
-                _ => InputError::UnknownFormat { path },
-            };
-            CliError::Usage(error.to_string())
-        })?,
+    let named = match &args.from {
+        Some(name) => Format::parse(name.to_possible_value().unwrap_or_default().get_name()),
+        None => Format::of_ending(path),
     };
+    let format = named.ok_or_else(|| {
+        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+        let (path, is_folder) = (path.display().to_string(), path.is_dir());
+        let error = match ending.to_str() {
+            Some("step" | "stp" | "iges" | "igs" | "f3d" | "fcstd" | "sldprt") => {
+                InputError::CadFormat { path }
+            }
+            Some("hwj") => InputError::NoInput {
+                path,
+                what: "a job, which is planned: simulate, export or stream it",
+            },
+            Some("toml") => InputError::NoInput {
+                path,
+                what: "a machine file: give it with -m, and the part as the input",
+            },
+            _ if is_folder => InputError::NoInput {
+                path,
+                what: "a folder: name a file in it",
+            },
+            _ => InputError::UnknownFormat { path },
+        };
+        CliError::Usage(error.to_string())
+    })?;
     if !(args.scale.is_finite() && args.scale > 0.0) {
         let error = InputError::Scale { scale: args.scale };
         return Err(CliError::Usage(error.to_string()));
@@ -171,7 +151,7 @@ pub(crate) fn input(
         return Err(CliError::Usage(InputError::NoLayers.to_string()));
     }
     let options = ReadOptions {
-        units: args.units.map(UnitName::units),
+        units: args.units,
         scale: args.scale,
         flatten_mm: settings.tolerances.flatten_mm,
         repair: args.repair,
@@ -184,12 +164,7 @@ pub(crate) fn input(
     let bytes = read_bounded(path, format.bytes_max())?;
     let input = input::read_any(&bytes, &job::stem(path), format, &options)
         .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
-    console.notes(match &input {
-        Input::Outline(loaded) => &loaded.notes,
-        Input::Path(run) => &run.notes,
-        Input::Mesh(loaded) => &loaded.notes,
-        Input::Gcode(program) => &program.notes,
-    });
+    console.notes(input.notes());
     Ok(input)
 }
 
@@ -200,39 +175,12 @@ pub(crate) fn target(
     settings: &Settings,
     console: &Console,
 ) -> Result<Loaded, CliError> {
-    match input(path, args, settings, console)? {
-        Input::Outline(loaded) => Ok(loaded),
-        Input::Path(_) | Input::Gcode(_) => Err(not_outline(path, &InputError::PathNotOutline)),
-        Input::Mesh(_) => Err(not_outline(path, &InputError::MeshNotOutline)),
-    }
-}
-
-fn not_outline(path: &Path, error: &InputError) -> CliError {
-    CliError::Job(format!("{}: {error}", path.display()))
-}
-
-/// The first option given that only outlines know: a run of waypoints is followed as it is.
-pub(crate) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Option<&'static str> {
-    let of_settings = args.options.of_outlines();
-    of_settings.or(keep_out.map(|_| "--keep-out"))
-}
-
-/// The first given option that is only for runs of waypoints and for outlines on a surface.
-pub(crate) fn run_option(args: &PlaceArgs) -> Option<&'static str> {
-    let is_flat = args.surface.is_none();
-    let given = [
-        ("a second input", !args.more.is_empty()),
-        ("--gap", args.gap.is_some()),
-        ("--turn", args.turn.is_some()),
-        ("--place", is_flat && args.place.is_some()),
-        ("--axis-tolerance", is_flat && args.axis_tolerance.is_some()),
-        ("--corner-tolerance", args.corner_tolerance.is_some()),
-        ("--tilt-max", args.tilt_max.is_some()),
-    ];
-    given
-        .iter()
-        .find(|(_, given)| *given)
-        .map(|(name, _)| *name)
+    let problem = match input(path, args, settings, console)? {
+        Input::Outline(loaded) => return Ok(loaded),
+        Input::Path(_) | Input::Gcode(_) => InputError::PathNotOutline,
+        Input::Mesh(_) => InputError::MeshNotOutline,
+    };
+    Err(CliError::Job(format!("{}: {problem}", path.display())))
 }
 
 /// Reads keep-outs with the input's units and scale; none without a file.
@@ -288,45 +236,6 @@ fn filament_mm(given: Option<f64>, format: Format) -> Result<Option<f64>, CliErr
         }
         given => Ok(given),
     }
-}
-
-/// Tip speed of the first layer, checked as every other.
-pub(crate) fn first_layer_speed(
-    place: &PlaceArgs,
-    settings: &Settings,
-) -> Result<Option<f64>, CliError> {
-    let Some(speed_mm_s) = place.first_layer_speed else {
-        return Ok(None);
-    };
-    let is_slower = speed_mm_s >= SPEED_MIN_MM_S && speed_mm_s <= settings.speed_mm_s;
-    is_slower.then_some(Some(speed_mm_s)).ok_or_else(|| {
-        CliError::Usage(format!(
-            "--first-layer-speed {speed_mm_s}: write a speed of {SPEED_MIN_MM_S} mm/s up to that of \
-             the other layers, {} mm/s (--speed)",
-            settings.speed_mm_s
-        ))
-    })
-}
-
-/// Slowest tip speed, mm/s, as machine files have it.
-const SPEED_MIN_MM_S: f64 = 0.01;
-
-/// The first option given that only meshes know.
-pub(crate) fn mesh_option(place: &PlaceArgs) -> Option<&'static str> {
-    let given = [
-        ("--layer-range", place.layers.layer_range.is_some()),
-        ("--layer-heights", place.layers.layer_heights.is_some()),
-        (
-            "--first-layer-height",
-            place.layers.first_layer_height.is_some(),
-        ),
-        ("--first-layer-speed", place.first_layer_speed.is_some()),
-        ("--cache", place.cache.is_some()),
-    ];
-    given
-        .iter()
-        .find(|(_, given)| *given)
-        .map(|(name, _)| *name)
 }
 
 /// Reads `X,Y,Z`.

@@ -1,9 +1,8 @@
 //! The command's readers: machine files and options to settings, inputs, keep-outs, job files. In: arguments and
-//! paths. Out: checked settings and inputs; problems name file and option.
+//! paths. Out: checked settings, inputs and parts; problems name file and option.
 
-pub(crate) mod copies;
 pub(crate) mod file_axes;
 pub(crate) mod job;
 pub(crate) mod layer_options;
 pub(crate) mod load;
-pub(crate) mod load_run;
+pub(crate) mod part;

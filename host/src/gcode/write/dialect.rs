@@ -7,29 +7,32 @@
 //! `gcode_arcs` passes on X, Y, Z and E alone; grblHAL multiplies the F of G93 by the number of its chords and
 //! takes it as mm/min (`mc_arc`).
 
-/// Controllers that are written for.
+/// Controllers that are written for; the texts are the command's help.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "command", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "command", value(rename_all = "lower"))]
 pub enum Dialect {
-    /// Klipper, the heading as a manual stepper with a G-code axis.
+    /// Klipper; the heading is a manual stepper with a G-code axis.
     Klipper,
-    /// RepRapFirmware 3, the heading as a rotary axis.
+    /// RepRapFirmware 3.
     RepRapFirmware,
-    /// LinuxCNC's RS274/NGC.
+    /// LinuxCNC; inverse time, U is the extruder.
     LinuxCnc,
-    /// grblHAL.
+    /// grblHAL; inverse time, U is the extruder.
     GrblHal,
-    /// Marlin 2.1, extra axes.
+    /// Marlin 2.1 with extra axes.
     Marlin,
 }
 
 /// How primes and retracts are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "command", derive(clap::ValueEnum))]
 pub enum Retraction {
-    /// G10 and G11, lengths set before.
+    /// G10 and G11, lengths set before (M207, SET_RETRACTION).
     Firmware,
-    /// M228 and M227: retract now, prime now.
+    /// M228 retracts, M227 primes.
     Source,
-    /// The extruder's axis alone.
+    /// The extruder's axis back and forth.
     Extruder,
 }
 

@@ -11,9 +11,9 @@ use crate::settings::{Infill, SeamPlace};
 
 /// One line for each of them.
 pub(crate) fn idle_options(options: &Options, planned: &Planned) -> Vec<String> {
-    let given = options.given();
+    let given = options.given().into_iter();
     let idle = given.filter_map(|name| Some((name, why_idle(name, planned)?)));
-    idle.map(|(name, why)| format!("--{name} changes nothing here: {why}"))
+    idle.map(|(name, why)| format!("{name} changes nothing here: {why}"))
         .collect()
 }
 
@@ -31,20 +31,20 @@ fn why_idle(name: &str, planned: &Planned) -> Option<&'static str> {
     let none_sparse = !is_solid && lacks(Use::Sparse);
     let is_hollow = infill.is_some_and(|infill| infill.density_pct <= 0.0);
     Some(match name {
-        "wall-speed" if lacks(Use::Walls) => "no loops are laid along the outline",
-        "solid-speed" if lacks(Use::Solid) => "no lines of filled ground are laid",
-        "sparse-speed" if lacks(Use::Sparse) => "no sparse lines are laid",
-        "infill-density" | "infill-spacing" if none_sparse && !is_hollow => {
+        "--wall-speed" if lacks(Use::Walls) => "no loops are laid along the outline",
+        "--solid-speed" if lacks(Use::Solid) => "no lines of filled ground are laid",
+        "--sparse-speed" if lacks(Use::Sparse) => "no sparse lines are laid",
+        "--infill-density" | "--infill-spacing" if none_sparse && !is_hollow => {
             "nothing lies so far inside that its lines would be sparse"
         }
-        "infill-angle" if lacks(Use::Sparse) && lacks(Use::Solid) => "no lines are laid inside",
-        "bottom" | "top" if is_solid => "all layers are solid",
-        "bridge-max" if lacks(Use::Bridge) => "no bridges are laid",
-        "skirt-distance-mm" if settings.skirt.loops == 0 => "there is no skirt (--skirt N)",
-        "seam-direction" if settings.seam.place != SeamPlace::Aligned => {
+        "--infill-angle" if lacks(Use::Sparse) && lacks(Use::Solid) => "no lines are laid inside",
+        "--bottom" | "--top" if is_solid => "all layers are solid",
+        "--bridge-max" if lacks(Use::Bridge) => "no bridges are laid",
+        "--skirt-distance-mm" if settings.skirt.loops == 0 => "there is no skirt (--skirt N)",
+        "--seam-direction" if settings.seam.place != SeamPlace::Aligned => {
             "it is that of aligned seams (--seam aligned)"
         }
-        "law" if settings.aperture.is_round() => "a round nozzle has no heading",
+        "--law" if settings.aperture.is_round() => "a round nozzle has no heading",
         _ => return None,
     })
 }

@@ -9,7 +9,7 @@ use headway::job::{MotionState, SegmentStream};
 use headway::mesh::layers::{SlicedPart, TargetLayer};
 use headway::pipeline::mesh::{FirstLayer, PartContext, PartPlan, plan_part, plan_part_in_pieces};
 use headway::pipeline::piece::{Piece, PieceCache};
-use headway::pipeline::shards::{Shard, ShardBlock, plan_shard};
+use headway::pipeline::shards::{PlannedBlock, Shard, plan_shard};
 use headway::report::pose_table::{StreamSample, samples_within};
 use headway::settings::Settings;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME};
@@ -143,16 +143,15 @@ impl PieceCache for Kept {
 fn shards_in_any_order_give_the_same_job() {
     let (part, first, settings) = (pyramid(), FirstLayer::default(), Settings::default());
     let mut kept = Kept::default();
-    let shard = |number: usize, kept: &mut Kept| -> Vec<ShardBlock> {
+    let shard = |number: usize, kept: &mut Kept| -> Vec<PlannedBlock> {
         let shard = Shard { number, count: 3 };
         let planned = plan_shard(&part, &[], first, &settings, shard, (kept, "p"), &());
-        let (blocks, count) = planned.expect("blocks");
-        assert_eq!(count, BLOCKS.len());
-        blocks
+        let planned = planned.expect("blocks");
+        assert_eq!(planned.blocks, BLOCKS.len());
+        planned.own
     };
-    let layers = |blocks: &[ShardBlock]| -> Vec<std::ops::Range<u32>> {
-        blocks.iter().map(|block| block.layers.clone()).collect()
-    };
+    let of = |block: &PlannedBlock| block.layers[0] - 1..block.layers[1];
+    let layers = |blocks: &[PlannedBlock]| blocks.iter().map(of).collect::<Vec<_>>();
     assert_eq!(layers(&shard(3, &mut kept)), &BLOCKS[2..3]);
     assert_eq!(
         layers(&shard(1, &mut kept)),

@@ -9,7 +9,6 @@
 //! many curved ones over them (`skin`). Leaves out: supports, keep-outs, copies, layers of several heights; curved layers
 //! are solid.
 
-mod beside;
 mod error;
 mod laid_layer;
 pub mod layer_shape;
@@ -23,7 +22,6 @@ mod top_grid;
 mod upright;
 
 pub use crate::settings::curved_layers::CurvedLayers;
-pub use beside::Beside;
 pub use error::CurvedLayersError;
 pub use upright::EdgeDepth;
 
