@@ -16,7 +16,6 @@ mod reading;
 mod shell;
 mod stream;
 mod terminal;
-mod wrong_number;
 
 use args::{Arguments, Command};
 use clap::{CommandFactory, FromArgMatches};
@@ -34,7 +33,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let (arguments, matches) = match parsed.map_err(|error| error.format(&mut command)) {
         Ok(parsed) => parsed,
         Err(error) => {
-            if let Some(told) = wrong_number::told(&error) {
+            if let Some(told) = args::wrong_number::told(&error) {
                 eprintln!("error: {told}");
                 return ExitCode::from(2);
             }

@@ -11,6 +11,7 @@ mod names;
 pub(crate) mod other_names;
 pub(crate) mod output_path;
 pub(crate) mod shell;
+pub(crate) mod wrong_number;
 
 use crate::cli::args::allow::{AllowArgs, VerdictArgs};
 use crate::cli::args::board::{BoardArgs, StreamArgs};
