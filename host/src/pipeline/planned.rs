@@ -5,6 +5,7 @@
 
 use super::Plan;
 use super::findings::gcode::gcode_findings;
+use super::findings::left_out::of_figures;
 use super::findings::objections::Objection;
 use super::findings::part::part_findings;
 use super::findings::wide_beads::Laid;
@@ -62,8 +63,7 @@ pub struct Planned {
     pub plan: Option<Box<Plan>>,
     /// Unreachable boundary, input coordinates.
     pub unreachable: Vec<UnreachableRun>,
-    /// Ground and boundary that is not printed, the largest of each first; empty for a job from a
-    /// file.
+    /// Ground and boundary that is not printed, the largest of each first; of a job from a file what its figures list.
     pub left_out: Vec<Place>,
 }
 
@@ -176,8 +176,10 @@ impl Planned {
         let text = |key: &str| header.texts.get(key).map(String::as_str);
         let settings = text(SETTINGS_TEXT).and_then(|text| machine_file::from_job_toml(text).ok());
         let outlines = text(LAYER_OUTLINES_TEXT).and_then(LayerOutlines::from_json);
+        let figures: Figures = serde_json::from_str(&header.figures_json).unwrap_or_default();
         Planned {
-            figures: serde_json::from_str(&header.figures_json).unwrap_or_default(),
+            left_out: of_figures(&figures, true),
+            figures,
             name,
             outline: text(OUTLINE_TEXT)
                 .and_then(outline_from_json)

@@ -6,6 +6,7 @@
 use crate::pipeline::open_ground::OpenGround;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
+use crate::report::figures::{Figures, LayerPlace};
 
 /// Places of either kind that the report's page lists.
 const PLACES_SHOWN: usize = 20;
@@ -45,6 +46,31 @@ pub(crate) fn left_out(
         }
     });
     told_once(open).chain(told_once(runs)).collect()
+}
+
+/// Regions that are not printed and overhangs, as figures have them; of a job from a file its boundary as well.
+pub(crate) fn of_figures(figures: &Figures, is_job: bool) -> Vec<Place> {
+    let of = |places: &Option<Vec<LayerPlace>>, what: &'static str| {
+        let places = places.iter().flatten().take(PLACES_SHOWN);
+        let place = |place: &LayerPlace| Place {
+            what: format!("{:.3} mm² {what}", place.area_mm2),
+            x_mm: place.x_mm,
+            y_mm: place.y_mm,
+            layer: None,
+        };
+        places.map(place).collect::<Vec<_>>()
+    };
+    let mut all = of(&figures.left_out_places, "not printed");
+    all.extend(of(&figures.overhang_places, "over nothing"));
+    let boundary = figures.unreachable_places_mm.iter().flatten();
+    let boundary = boundary.take(PLACES_SHOWN).map(|&[x_mm, y_mm, mm]| Place {
+        what: format!("{mm:.3} mm of boundary out of reach"),
+        x_mm,
+        y_mm,
+        layer: None,
+    });
+    all.extend(boundary.filter(|_| is_job));
+    all
 }
 
 /// Runs by their length.
@@ -113,5 +139,29 @@ mod tests {
                 ("1.000 mm of boundary out of reach", Some(4)),
             ]
         );
+    }
+
+    #[test]
+    fn a_job_from_a_file_lists_what_its_figures_know() {
+        let place = |area_mm2: f64| LayerPlace {
+            x_mm: 1.0,
+            y_mm: 2.0,
+            z_mm: 3.0,
+            area_mm2,
+        };
+        let figures = Figures {
+            left_out_places: Some(vec![place(0.5)]),
+            overhang_places: Some(vec![place(4.0)]),
+            unreachable_places_mm: Some(vec![[5.0, 6.0, 0.25]]),
+            ..Figures::default()
+        };
+        let what = |is_job: bool| {
+            let places = of_figures(&figures, is_job).into_iter();
+            places.map(|place| place.what).collect::<Vec<_>>()
+        };
+        let of_plan = ["0.500 mm² not printed", "4.000 mm² over nothing"];
+        assert_eq!(what(false), of_plan);
+        assert_eq!(what(true)[..2], of_plan);
+        assert_eq!(what(true)[2], "0.250 mm of boundary out of reach");
     }
 }

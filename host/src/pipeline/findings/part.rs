@@ -3,7 +3,7 @@
 //! In: the layers of a part, its plan. Out: figures, notes for the user, uncovered places.
 
 use super::Findings;
-use super::left_out::left_out;
+use super::left_out::{left_out, of_figures};
 use super::objections::{Objection, ObjectionKind};
 use super::settings_warnings::{high_layers, settings_warnings};
 use super::use_figures::{short_layers_note, stacked_figures, use_figures};
@@ -46,6 +46,7 @@ pub(crate) fn part_findings(
     };
     let (open, unreachable) = (&planned.printed.open, &planned.printed.unreachable);
     let mut left_out = left_out(open, unreachable, &planned.printed.unreachable_layers);
+    left_out.extend(of_figures(&figures, false));
     left_out.extend(laid.place(transform));
     let mut objections = laid.objections(&late, transform, settings);
     objections.extend(floating(part, planned));

@@ -192,7 +192,7 @@ const Page = (() => {
   }
   function begin() {
     Panel.rows("slow", data.slow_places, "None are known.");
-    Panel.rows("left", data.left_out, "Nothing that is known.");
+    Panel.rows("left", data.left_out, "No single place is known.");
     for (const [key, mode] of Object.entries(Colours.modes)) $("colour").add(new Option(mode.name, key));
     $("layer").max = $("low").max = stack.length - 1;
     $("layers").hidden = stack.length < 2;
