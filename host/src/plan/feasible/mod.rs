@@ -515,21 +515,17 @@ mod tests {
         }
     }
 
-    /// Goal: few looks, whatever the outline. Method: wall clock and result over a finely sampled
-    /// circle near the aperture's own curvature, the worst case (every facet close to contact).
+    /// Goal: the same heading, whatever the outline's facets. Method: a finely sampled circle near the aperture's own
+    /// curvature, the worst case (every facet close to contact).
     #[test]
-    fn quick_on_fine_facets() {
+    fn fine_facets_are_the_circle() {
         let circle = walls(&[&star(400, |_| 1.5)]);
-        let started = std::time::Instant::now();
         for edge in circle.edges() {
             let p = edge.a + (edge.b - edge.a) * 0.5;
             let angles = feasible_angles(&ELLIPSE, &circle, p, edge.normal());
             assert_eq!(angles.intervals().len(), 1);
             assert_eq!(angles.min_abs_rad(), Some(0.0));
         }
-        let each_us = started.elapsed().as_secs_f64() * 1e6 / 400.0;
-        println!("{each_us:.0} us a sample");
-        assert!(each_us < 10_000.0, "{each_us}");
     }
 
     /// Goal: a round nozzle is one question.
