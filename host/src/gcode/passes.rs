@@ -40,6 +40,8 @@ pub struct LeftOut {
     pub pairs_line: usize,
     /// Layers that begin within passes.
     pub layers: u32,
+    /// First line of the moves behind the last bead.
+    pub end_line: Option<usize>,
 }
 
 impl LeftOut {
@@ -59,7 +61,12 @@ impl LeftOut {
                 self.pairs_line, self.pairs
             )
         });
-        purged.into_iter().chain(pairs)
+        let end = self.end_line.map(|line| {
+            format!(
+                "line {line}: the moves behind the last bead are not done; an export ends with its own (--end)"
+            )
+        });
+        purged.into_iter().chain(pairs).chain(end)
     }
 }
 
@@ -138,6 +145,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
     }
     let turns = add_heights(&mut passes);
     let mut left_out = builder.left_out;
+    left_out.end_line = builder.travel_legs.first().map(|leg| leg.line);
     let layers = passes.last().map_or(0, |pass| pass.layer + 1);
     left_out.layers = match layers_told {
         true => builder.told_layers.saturating_sub(layers),

@@ -15,6 +15,9 @@ use crate::settings::Settings;
 /// Difference from the file's volume that is reported, per cent.
 const VOLUME_TOLD_PCT: f64 = 0.5;
 
+/// Move of the whole path that is reported, mm.
+const MOVED_TOLD_MM: f64 = 0.01;
+
 /// Length at other widths that is reported, mm.
 const OFF_TOLD_MM: f64 = 0.1;
 
@@ -28,6 +31,7 @@ pub fn gcode_findings(
     let mut warnings = warnings(program, planned);
     warnings.extend(settings_warnings(settings));
     let transform = &planned.transform;
+    warnings.extend(moved(transform.offset_mm).filter(|_| settings.at_mm.is_none()));
     let touches = planned.touches.as_ref();
     let objections = touches.and_then(|touches| Objection::of_touches(touches, transform));
     let mut objections: Vec<Objection> = objections.into_iter().collect();
@@ -133,6 +137,16 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
         ));
     }
     warnings
+}
+
+/// A note that the file's places are others in the job.
+fn moved([x, y, z]: [f64; 3]) -> Option<String> {
+    (x.hypot(y).hypot(z) > MOVED_TOLD_MM).then(|| {
+        format!(
+            "the file's path is moved by ({x:.2}, {y:.2}, {z:.2}) mm to the middle of the work area: --at 0,0,0 keeps \
+             its places"
+        )
+    })
 }
 
 /// A note that collisions were not checked, if the file moves down and the head has no shape.
