@@ -8,6 +8,8 @@ use crate::report::figures::{Figures, UnevenFigures, VerdictFigures};
 
 /// Time at no limit counts as one by this name.
 const NONE: &str = "none";
+/// Volumes are told in litres from here on, mm³: those of concrete and other large nozzles.
+const LITRE_MM3: f64 = 1e6;
 /// Reasons that a terminal shows; the last of them represents the rest.
 const REASONS_SHOWN: usize = 3;
 /// An area of which lines cover less than this counts as hollow.
@@ -163,9 +165,15 @@ fn material(figures: &Figures, is_cold: bool) -> Option<String> {
         true => "; nothing is heated: the machine file has no [material]",
         false => "",
     };
-    Some(format!(
-        "Lays {volume_mm3:.1} mm³ of material{mass}{filament}{layers}{heat}."
-    ))
+    let volume = match figures.print_s {
+        Some(print_s) if volume_mm3 >= LITRE_MM3 => {
+            let litres = volume_mm3 / LITRE_MM3;
+            let rate = 60.0 * litres / print_s.max(1e-9);
+            format!("{litres:.2} l of material, on average {rate:.2} l/min")
+        }
+        _ => format!("{volume_mm3:.1} mm³ of material"),
+    };
+    Some(format!("Lays {volume}{mass}{filament}{layers}{heat}."))
 }
 
 fn steps(figures: &Figures) -> Option<String> {
@@ -270,6 +278,15 @@ mod tests {
                 "50 % of the printing time is spent at the limit of joint c.",
                 "Covers 99.5 % of the outline; nothing is left open. Left out: 2.0 mm of the boundary are out of the nozzle's reach, 3.0 mm² hang over nothing.",
             ]
+        );
+        let large = Figures {
+            volume_mm3: Some(12.5e6),
+            print_s: Some(600.0),
+            ..Figures::default()
+        };
+        assert_eq!(
+            verdict(&large, &[], false).lines[1],
+            "Lays 12.50 l of material, on average 1.25 l/min."
         );
         let sparse = Figures {
             sparse_mm2: Some(250.4),
