@@ -237,7 +237,7 @@ impl Job {
             servo_hz: self.servo_hz(),
             heat: &self.file.header.heat(),
         };
-        let mut options = WriteOptions::of_dialect(dialect);
+        let mut options = WriteOptions::of_dialect(dialect).with_settings(&self.settings);
         let filament_mm2 = filament_mm2(options.filament_mm);
         options.limits = AxisLimits::of_machine(&self.settings.machine, filament_mm2);
         match self.settings.gcode_letters {

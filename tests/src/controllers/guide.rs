@@ -3,7 +3,24 @@
 //!
 //! In: docs/guide/gcode.md. Out: the configurations. A key that is missing there is an error.
 
-use super::{AXES, grblhal, klipper, linuxcnc, marlin, reprapfirmware};
+use super::{AXES, Printed, grblhal, klipper, linuxcnc, marlin, reprapfirmware};
+
+/// A print by a controller that is set as the guide has it.
+///
+/// # Errors
+/// What it refuses, with the line; a controller or a key that is not known.
+pub fn print(controller: &str, guide: &str, text: &str) -> Result<Printed, String> {
+    match controller {
+        "klipper" => klipper::Klipper::new(self::klipper(guide)?).print(text),
+        "reprapfirmware" => {
+            reprapfirmware::RepRapFirmware::new(self::reprapfirmware(guide)?).print(text)
+        }
+        "marlin" => marlin::Marlin::new(self::marlin(guide)?).print(text),
+        "linuxcnc" => linuxcnc::LinuxCnc::new(self::linuxcnc(guide)?).print(text),
+        "grblhal" => grblhal::GrblHal::new(self::grblhal(guide)?).print(text),
+        other => Err(format!("{other} is not known")),
+    }
+}
 
 /// The block of the guide in which a line begins so.
 ///

@@ -50,6 +50,8 @@ pub struct State {
     relative: bool,
     extruder_relative: bool,
     inverse_time: bool,
+    /// G20: mm of a unit.
+    unit_mm: f64,
     /// Feed, a minute.
     pub feed: f64,
     code: u32,
@@ -69,6 +71,7 @@ impl State {
             relative: false,
             extruder_relative: false,
             inverse_time: false,
+            unit_mm: 1.0,
             feed: 1500.0,
             code: 0,
             celsius: [0.0; 4],
@@ -137,7 +140,11 @@ impl State {
             (0 | 10, _) => self.code = code as u32,
             (20 | 30, _) if self.rules.arcs => self.code = code as u32,
             (40, _) => {}
-            (210, _) | (911 | 170 | 400 | 490 | 800 | 640, true) => return Ok(false),
+            (200 | 210, _) => {
+                self.unit_mm = if code == 20.0 { 25.4 } else { 1.0 };
+                return Ok(false);
+            }
+            (170, _) | (911 | 400 | 490 | 800 | 640, true) => return Ok(false),
             (900 | 910, _) => {
                 self.relative = code == 91.0;
                 return Ok(false);
@@ -177,7 +184,7 @@ impl State {
             ("M140" | "M190", false) => self.celsius[1] = number('S'),
             ("M106", false) => self.celsius[2] = number('S'),
             ("M107", false) => self.celsius[2] = 0.0,
-            ("M400", false) | ("M66", true) => {}
+            ("M73" | "M400", false) | ("M66", true) => {}
             ("M67" | "M68", true) => {
                 let output = number('E') as usize;
                 *self.celsius.get_mut(output).ok_or("no such output")? = number('Q');
@@ -203,6 +210,8 @@ impl State {
             let Some(number) = words.number(self.rules.letters[axis]) else {
                 continue;
             };
+            let turns = (3..EXTRUDER).contains(&axis);
+            let number = number * if turns { 1.0 } else { self.unit_mm };
             let extruder = axis == EXTRUDER && !self.rules.machine_tool;
             let relative = self.relative || extruder && self.extruder_relative;
             to[axis] = number
@@ -215,7 +224,7 @@ impl State {
         let rapid = self.code == 0;
         let feed = words.number('F');
         if let Some(feed) = feed.filter(|_| !self.inverse_time) {
-            self.feed = feed;
+            self.feed = feed * self.unit_mm;
         }
         let inverse = self.inverse_time && !(rapid && self.rules.machine_tool);
         if inverse && feed.is_none() {

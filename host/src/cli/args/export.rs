@@ -3,6 +3,7 @@
 use crate::cli::args::output_path::OutputPath;
 use crate::gcode::write::dialect::{Dialect, Retraction};
 use crate::report::plan_marks::Colouring;
+use clap::builder::BoolishValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use std::path::PathBuf;
 
@@ -96,16 +97,28 @@ pub(crate) struct GcodeArgs {
     /// Arcs (G2, G3) where they are fewer moves [default: on for linuxcnc, off for the others].
     #[arg(
         long,
-        value_enum,
+        value_parser = BoolishValueParser::new(),
         value_name = "on|off",
         num_args = 0..=1,
         require_equals = true,
         default_missing_value = "on"
     )]
-    pub arcs: Option<ArcsName>,
-    /// Start block with fields like {x} or {time_s}, in place of the dialect's.
+    pub arcs: Option<bool>,
+    /// Start block with fields like {x} or {time_s}, in place of the dialect's; what the moves need is written after it.
     #[arg(long, value_name = "FILE")]
     pub start: Option<PathBuf>,
+    /// Print the dialect's start block for this job, to be edited and given as --start.
+    #[arg(long, conflicts_with_all = ["start", "json"])]
+    pub print_start: bool,
+    /// Print the dialect's end block, to be edited and given as --end.
+    #[arg(long, conflicts_with_all = ["end", "json", "print_start"])]
+    pub print_end: bool,
+    /// Temperature of the hot end in place of the job's, °C; 0 leaves it off.
+    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    pub hot_end: Option<f64>,
+    /// Temperature of the bed in place of the job's, °C; 0 leaves it off.
+    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    pub bed: Option<f64>,
     /// Write the job though neither it nor a start block heats a hot end.
     #[arg(long)]
     pub no_heat: bool,
@@ -114,14 +127,6 @@ pub(crate) struct GcodeArgs {
     pub end: Option<PathBuf>,
     #[command(flatten)]
     pub end_heat: EndHeatArgs,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-pub(crate) enum ArcsName {
-    /// Arcs of the XY plane.
-    On,
-    /// Straight moves only.
-    Off,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

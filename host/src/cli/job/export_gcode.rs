@@ -1,6 +1,6 @@
 //! `headway export --to gcode`: a job for another controller, and figures of the exported file.
 
-use crate::cli::args::export::{ArcsName, ExportArgs};
+use crate::cli::args::export::ExportArgs;
 use crate::cli::error::CliError;
 use crate::cli::plan::missing_heat::{missing_heat, missing_in_text};
 use crate::cli::reading::job::Job;
@@ -9,11 +9,15 @@ use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::OutputFile;
 use crate::gcode::FILAMENT_MM;
 use crate::gcode::write::controller_time::SlowedBy;
+use crate::gcode::write::ends::start_block;
 use crate::gcode::write::limits::AxisLimits;
+use crate::gcode::write::read_back::check_start;
 use crate::gcode::write::{
     JobText, WriteError, WriteOptions, Written, filament_mm2, is_tilting, write_gcode,
 };
+use crate::job::heat::{BED, HOT_END, HeatEvent, HeatOrder};
 use crate::settings::machine_file::gcode_letters;
+use headway_protocol::message::DECIDEGREES_MAX;
 use std::path::Path;
 
 /// Accepted tip tolerances, mm.
@@ -44,8 +48,22 @@ pub(crate) fn run(
             job.name
         )));
     }
-    let heat = job.file.header.heat();
-    let remedy = "give a --start block that heats";
+    let heat = heat(job, args)?;
+    let remedy = "give --hot-end 210 (your material's temperature), or a --start block that heats";
+    let text = JobText {
+        name: &job.name,
+        machine: &job.file.header.machine_name,
+        stream: &job.stream,
+        servo_hz: job.servo_hz(),
+        heat: &heat,
+    };
+    if args.gcode.print_start || args.gcode.print_end {
+        let block = match args.gcode.print_start {
+            true => start_block(&text, &options),
+            false => options.dialect.end(is_tilting(&job.stream)).to_string(),
+        };
+        return console.result_to(output, &block);
+    }
     let missing =
         || missing_heat(job, &heat, remedy).or_else(|| missing_in_text(job, &heat, remedy));
     if !args.gcode.no_heat
@@ -54,15 +72,9 @@ pub(crate) fn run(
     {
         return Err(CliError::Job(missing));
     }
-    let text = JobText {
-        name: &job.name,
-        machine: &job.file.header.machine_name,
-        stream: &job.stream,
-        servo_hz: job.servo_hz(),
-        heat: &heat,
-    };
-    // Missing parts of the blocks are reported before anything is written.
-    let checked = write_gcode(std::io::sink(), &text, &options);
+    // What is wrong with the blocks is reported before anything is written.
+    let checked = check_start(&text, &options);
+    let checked = checked.and_then(|()| write_gcode(std::io::sink(), &text, &options));
     let written = checked.map_err(|error| CliError::Usage(error.to_string()))?;
     console.notes(&notes(&written, &options));
     console.write_to(output, |out| match write_gcode(out, &text, &options) {
@@ -74,6 +86,33 @@ pub(crate) fn run(
         true => console.result_to(None, &format!("{}\n", json(&written, &options))),
         false => Ok(()),
     }
+}
+
+/// The job's commands of heaters and fans, with the temperatures that are given in place of its own.
+fn heat(job: &Job, args: &ExportArgs) -> Result<Vec<HeatEvent>, CliError> {
+    let mut heat = job.file.header.heat();
+    let given = [
+        ("--hot-end", HOT_END, args.gcode.hot_end),
+        ("--bed", BED, args.gcode.bed),
+    ];
+    for (option, heater, celsius) in given {
+        let Some(celsius) = celsius else { continue };
+        let most_c = f64::from(DECIDEGREES_MAX) / 10.0;
+        if !(0.0..=most_c).contains(&celsius) {
+            let wrong = format!("{option} {celsius}: write 0 to {most_c} °C");
+            return Err(CliError::Usage(wrong));
+        }
+        let order = HeatOrder::wait_for(heater, celsius);
+        heat.retain(|event| !event.order.is_of_same(&order));
+        // The bed first, which takes longer.
+        let at = match heater {
+            BED => 0,
+            _ => heat.iter().take_while(|event| event.tick == 0).count(),
+        };
+        let event = (celsius > 0.0).then_some(HeatEvent { tick: 0, order });
+        heat.splice(at..at, event);
+    }
+    Ok(heat)
 }
 
 /// The figures: lengths of time in seconds.
@@ -119,8 +158,8 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
         (None, of_machine) => of_machine.unwrap_or(*b"ABC"),
     };
     let filament_mm = between("--filament-diameter", of.filament_diameter, FILAMENT_MM)?;
+    let of_settings = WriteOptions::of_dialect(dialect);
     Ok(WriteOptions {
-        dialect,
         retraction: of.retraction,
         filament_mm,
         limits: AxisLimits::of_machine(&job.file.header.machine, filament_mm2(filament_mm)),
@@ -135,9 +174,13 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
             of.line_tolerance.unwrap_or(dialect.tolerances()[0]),
             TIP_MM,
         )?,
-        arcs: of.arcs.map(|arcs| arcs == ArcsName::On),
+        arcs: of.arcs,
         blocks: [block(of.start.as_deref())?, block(of.end.as_deref())?],
         leave_hot: of.end_heat.leave_hot,
+        ..match &job.settings {
+            Some(settings) => of_settings.with_settings(settings),
+            None => of_settings,
+        }
     })
 }
 

@@ -143,50 +143,36 @@ impl Dialect {
         }
     }
 
-    /// Start block, with fields. The heading's zero is where it stands.
-    pub fn start(self, tilts: bool) -> &'static str {
-        match (self, tilts) {
-            // A letter that a print left, as where it was stopped, is taken back; G92 knows no axis but X Y Z E.
-            (Dialect::Klipper, false) => concat!(
-                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS=\n",
-                "MANUAL_STEPPER STEPPER=heading SET_POSITION=0\n",
-                "G21\nG90\nM83\nG28\n",
-                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS={heading} {heading_limits}\n",
-                "G92 {extruder}0\n",
-            ),
-            (Dialect::Klipper, true) => concat!(
-                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS=\n",
-                "MANUAL_STEPPER STEPPER=tilt_a GCODE_AXIS=\n",
-                "MANUAL_STEPPER STEPPER=tilt_b GCODE_AXIS=\n",
-                "MANUAL_STEPPER STEPPER=heading SET_POSITION=0\n",
-                "G21\nG90\nM83\nG28\n",
-                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS={heading} {heading_limits}\n",
-                "MANUAL_STEPPER STEPPER=tilt_a GCODE_AXIS={tilt_a} {tilt_a_limits}\n",
-                "MANUAL_STEPPER STEPPER=tilt_b GCODE_AXIS={tilt_b} {tilt_b_limits}\n",
-                "G92 {extruder}0\n",
-            ),
-            (Dialect::RepRapFirmware | Dialect::Marlin, _) => {
-                "G21\nG90\nM83\nG28\nG92 {extruder}0 {heading}0\n"
+    /// What the moves need behind any start block, with fields: absolute places in mm, the extruder's mode, the heading's
+    /// axis. Its zero is where it stands.
+    pub(super) fn setup(self) -> &'static str {
+        match self {
+            Dialect::Klipper => "G21\nG90\nM83\nG92 {extruder}0\n",
+            Dialect::RepRapFirmware | Dialect::Marlin => {
+                "G21\nG90\nM83\nG92 {extruder}0 {heading}0\n"
             }
-            (Dialect::LinuxCnc, _) => {
+            Dialect::LinuxCnc => {
                 "G21 G90 G91.1 G17 G40 G49 G80\nG64 P0.003\nG92 {extruder}0 {heading}0\nG93\n"
             }
-            (Dialect::GrblHal, _) => "G21 G90 G17\nG92 {extruder}0 {heading}0\nG93\n",
+            Dialect::GrblHal => "G21 G90 G17 G40 G49 G80\nG92 {extruder}0 {heading}0\nG93\n",
         }
     }
 
-    /// End block, with fields; the heading was turned back to a whole turn before.
+    /// End block, with fields: what a user may replace. The heading was turned back to a whole turn before; the tip goes
+    /// up above all that was printed and to where the file began, and a tilted head back along its axis.
     pub fn end(self, tilts: bool) -> &'static str {
-        match (self, tilts) {
-            (Dialect::Klipper, false) => "M400\nM82\nMANUAL_STEPPER STEPPER=heading GCODE_AXIS=\n",
-            (Dialect::Klipper, true) => concat!(
-                "M400\nM82\n",
-                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS=\n",
-                "MANUAL_STEPPER STEPPER=tilt_a GCODE_AXIS=\n",
-                "MANUAL_STEPPER STEPPER=tilt_b GCODE_AXIS=\n",
-            ),
-            (Dialect::RepRapFirmware | Dialect::Marlin, _) => "M400\nM82\n",
-            (Dialect::LinuxCnc | Dialect::GrblHal, _) => "G92.1\nM2\n",
+        match (self.is_machine_tool(), tilts) {
+            (_, true) => "G1 X{lift_x} Y{lift_y} Z{lift_z} F600\n",
+            (false, false) => "G0 Z{lift_z} F600\nG0 X{x} Y{y} F3000\n",
+            (true, false) => "G0 Z{lift_z}\nG0 X{x} Y{y}\n",
+        }
+    }
+
+    /// What stands behind any end block.
+    pub(super) fn closing(self) -> &'static str {
+        match self.is_machine_tool() {
+            true => "M2\n",
+            false => "M400\nM82\n",
         }
     }
 }

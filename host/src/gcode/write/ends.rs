@@ -1,14 +1,18 @@
-//! Header, start block and the way to the job; the way back of the heading and the end block.
+//! Header, start block, what the moves need behind it, and the way to the job; the way back of the heading, the end block
+//! and what it leaves as it was.
 //!
-//! In: the job, its first pose. Out: lines. The heading's zero is where it stands when the file begins, and at the end it
-//! is turned back to a whole turn, so that the next print's zero is the same. RepRapFirmware and Marlin are given the
-//! heading's acceleration by the file, behind the way to the job, and the machine's again before the heading turns back.
+//! In: the job, its first pose. Out: lines. Comments have time and filament as front ends read them. The heading's zero is
+//! where it stands when the file begins, and at the end it is turned back to a whole turn, so that the next print's zero is
+//! the same. RepRapFirmware and Marlin are given the heading's acceleration by the file, behind the way to the job, and the
+//! machine's again before the heading turns back.
 
-use super::dialect::Dialect;
+use super::dialect::{ArcsWritten, Dialect};
 use super::limits::HEADING;
 use super::poses::Poses;
 use super::template::filled;
-use super::{At, JobText, STILL_DEG, WriteError, Writer, Written, heat, short};
+use super::{
+    At, JobText, STILL_DEG, WriteError, WriteOptions, Writer, Written, heat, is_tilting, short,
+};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS};
 use std::io::Write;
 
@@ -16,6 +20,21 @@ use std::io::Write;
 const APPROACH_MM_MIN: f64 = 3000.0;
 /// Share of the heading's speed at which it turns back.
 const BACK_SHARE: f64 = 0.5;
+/// How far the tip goes up at the end, mm.
+const LIFT_MM: f64 = 10.0;
+/// By whose comments front ends know the time: Moonraker looks for this name before it reads any.
+const FORM: &str = ";time and filament in the comments are as in those of PrusaSlicer 2.8 on";
+/// Stands before the start block, and before what the moves need behind it.
+const START_MARK: &str = ";start block";
+pub(super) const SETUP_MARK: &str = ";what the moves need";
+
+/// Klipper's names of what turns, which are the fields of their letters, the fields of their limits and their axes; the
+/// heading is the only one where nothing tilts.
+const STEPPERS: [(&str, &str, usize); 3] = [
+    ("heading", "heading_limits", HEADING),
+    ("tilt_a", "tilt_a_limits", 3),
+    ("tilt_b", "tilt_b_limits", 4),
+];
 
 impl<W: Write> Writer<'_, W> {
     /// Header, start block, the way to the job's first pose.
@@ -34,13 +53,26 @@ impl<W: Write> Writer<'_, W> {
             one_line(job.name),
             options.filament_mm
         )?;
-        let start = options.blocks[0]
-            .as_deref()
-            .unwrap_or(options.dialect.start(self.tilts));
-        let block = filled(start, &self.fields(job, first))?;
+        writeln!(
+            self.out,
+            "{FORM}\n;TIME:{:.0}\n;LAYER_COUNT:{}\n{START_MARK}",
+            self.written.duration_s,
+            job.stream.layers()
+        )?;
+        let own = options.blocks[0].clone();
+        let fields = self.fields(job, first);
+        let block = filled(&own.unwrap_or_else(|| start_block(job, options)), &fields)?;
         self.out.write_all(block.as_bytes())?;
-        let orders = heat::first_lines(job.heat, options);
-        self.out.write_all(orders.as_bytes())?;
+        let orders = heat::first_lines(job.heat, options, &block);
+        let steppers = match options.dialect {
+            Dialect::Klipper => self.registrations(&block),
+            _ => String::new(),
+        };
+        let setup = filled(&(steppers + options.dialect.setup()), &fields)?;
+        write!(self.out, "{orders}{SETUP_MARK}\n{setup}")?;
+        if self.arcs != ArcsWritten::None && !options.dialect.is_machine_tool() {
+            writeln!(self.out, "G17")?;
+        }
         let to = self.place(first);
         self.turn_first(&to)?;
         let words = self.words(&to, 6);
@@ -53,6 +85,32 @@ impl<W: Write> Writer<'_, W> {
             self.accelerate_heading(options.limits.followed().acceleration[HEADING])?;
         }
         Ok(())
+    }
+
+    /// Klipper's lines that give the steppers that turn their letters, the heading's zero being where it stands. What a
+    /// start block registers by its own letter stays as it is.
+    fn registrations(&self, block: &str) -> String {
+        let mut text = String::new();
+        for (stepper, limits, axis) in steppers(self.tilts) {
+            let letter = char::from(self.options.turns[axis - 3]);
+            let registers = |line: &&str| {
+                let line = line.split(';').next().unwrap_or_default().to_uppercase();
+                line.contains(&format!("STEPPER={}", stepper.to_uppercase()))
+                    && line.contains("GCODE_AXIS=")
+            };
+            let last = block.lines().rev().find(registers).map(str::to_uppercase);
+            let own = format!("GCODE_AXIS={letter}");
+            if last.is_some_and(|last| last.split_whitespace().any(|word| word == own)) {
+                continue;
+            }
+            let command = format!("MANUAL_STEPPER STEPPER={stepper}");
+            text += &format!("{command} GCODE_AXIS=\n");
+            if axis == HEADING {
+                text += &format!("{command} SET_POSITION=0\n");
+            }
+            text += &format!("{command} GCODE_AXIS={{{stepper}}} {{{limits}}}\n");
+        }
+        text
     }
 
     /// Klipper's limits of an axis stand from its registration on: where the heading follows, it turns to the job alone, by
@@ -90,25 +148,43 @@ impl<W: Write> Writer<'_, W> {
         let off = heat::last_lines(job.heat, options);
         self.out.write_all(off.as_bytes())?;
         self.turn_back()?;
+        if options.dialect.is_machine_tool() {
+            writeln!(self.out, "G92.1")?;
+        }
         let end = options.blocks[1]
             .as_deref()
             .unwrap_or(options.dialect.end(self.tilts));
         let block = filled(end, &self.fields(job, first))?;
-        self.out.write_all(block.as_bytes())?;
+        let closing = options.dialect.closing();
+        write!(
+            self.out,
+            "{block}{closing}{}",
+            released(options.dialect, self.tilts)
+        )?;
+        (self.written.controller_time_s, self.written.slowed_by) = self.time.finish();
+        let volume_mm3 = volume_mm3(job, first);
+        let grams = options.density_g_cm3.map_or(String::new(), |density| {
+            let g = density * volume_mm3 * 1e-3;
+            format!("; filament used [g] = {g:.2}\n; total filament used [g] = {g:.2}\n")
+        });
         writeln!(
             self.out,
-            ";{} moves, at most {:.0} a second",
-            self.written.moves, self.written.moves_a_second
+            ";{} moves, at most {:.0} a second\n; filament used [mm] = {:.2}\n; filament used [cm3] = {:.2}\n{grams}\
+             ; total layers count = {}\n; estimated printing time (normal mode) = {}",
+            self.written.moves,
+            self.written.moves_a_second,
+            volume_mm3 / self.filament_mm2(),
+            volume_mm3 * 1e-3,
+            job.stream.layers(),
+            clock(self.written.controller_time_s)
         )?;
         self.out.flush()?;
-        (self.written.controller_time_s, self.written.slowed_by) = self.time.finish();
         Ok(self.written)
     }
 
     fn fields(&self, job: &JobText, first: &[f64; CHANNELS]) -> Vec<(&'static str, String)> {
-        let end_tick = job.stream.marks.last().map_or(0, |mark| mark.end_tick);
-        let end = Poses::new(job.stream).at(end_tick);
-        let volume_mm3 = end[CHANNEL_VOLUME] - first[CHANNEL_VOLUME];
+        let volume_mm3 = volume_mm3(job, first);
+        let lift_mm = self.lifted();
         let [a, b, c] = self
             .options
             .turns
@@ -133,14 +209,28 @@ impl<W: Write> Writer<'_, W> {
             ("z", format!("{:.3}", first[2])),
             ("c", format!("{:.3}", first[CHANNEL_HEADING].to_degrees())),
         ];
-        let of_axes = [
-            ("tilt_a_limits", 3),
-            ("tilt_b_limits", 4),
-            ("heading_limits", HEADING),
-        ];
-        fields.extend(of_axes.map(|(name, axis)| (name, self.limit_keys(axis))));
+        let lifts = ["lift_x", "lift_y", "lift_z"].into_iter().zip(lift_mm);
+        fields.extend(lifts.map(|(name, mm)| (name, short(mm, 3))));
+        fields.extend(STEPPERS.map(|(_, name, axis)| (name, self.limit_keys(axis))));
         fields.extend(heat::first_fields(job.heat));
         fields
+    }
+
+    /// Where the tip is clear of the print: above all that was printed, within the machine's height where it is known; a
+    /// tilted head goes back along its axis.
+    fn lifted(&self) -> [f64; 3] {
+        let [x, y, z] = self.at.tip_mm;
+        if self.tilts {
+            let [a, b, _] = self.at.turn_deg;
+            let turn_deg = [a, b, 0.0];
+            let tip_mm = [x, y, z];
+            let axis = crate::gcode::Place { tip_mm, turn_deg }
+                .axis_and_heading()
+                .0;
+            return std::array::from_fn(|i| tip_mm[i] + LIFT_MM * axis[i]);
+        }
+        let most_mm = self.options.height_mm.unwrap_or(f64::INFINITY);
+        [x, y, (self.top_mm + LIFT_MM).min(most_mm).max(z)]
     }
 
     /// Limits of an axis as Klipper registers them.
@@ -172,18 +262,56 @@ impl<W: Write> Writer<'_, W> {
         }
         let stands_deg = self.at.turn_deg[2];
         let whole_deg = 360.0 * (stands_deg / 360.0).round();
-        if (stands_deg - whole_deg).abs() <= STILL_DEG {
-            return Ok(());
-        }
-        let letter = char::from(self.options.turns[2]);
+        let turns = (stands_deg - whole_deg).abs() > STILL_DEG;
+        let word = format!(
+            "{}{}",
+            char::from(self.options.turns[2]),
+            short(whole_deg, 0)
+        );
         // Of turns alone F is degrees a minute.
-        let feed = self.turn_feed();
         match tools {
-            true => writeln!(self.out, "G0 {letter}{}", short(whole_deg, 0))?,
-            false => writeln!(self.out, "G1 {letter}{} F{feed}", short(whole_deg, 0))?,
+            true if turns => writeln!(self.out, "G0 {word}")?,
+            false if turns => writeln!(self.out, "G1 {word} F{}", self.turn_feed())?,
+            _ => {}
         }
         Ok(())
     }
+}
+
+/// The default start block of a job, its fields not filled in.
+pub fn start_block(job: &JobText, options: &WriteOptions) -> String {
+    // A letter that a print left, as where it was stopped, is taken back before axes home.
+    let released = released(options.dialect, is_tilting(job.stream));
+    let homes = ["G28\n", ""][usize::from(options.dialect.is_machine_tool())];
+    released + homes + &heat::block_lines(job.heat, options.dialect)
+}
+
+/// Those of [`STEPPERS`] that a job turns.
+fn steppers(tilts: bool) -> impl Iterator<Item = (&'static str, &'static str, usize)> {
+    STEPPERS.into_iter().take(if tilts { 3 } else { 1 })
+}
+
+/// Klipper's lines that take the letters of steppers back.
+fn released(dialect: Dialect, tilts: bool) -> String {
+    let all = steppers(tilts).filter(|_| dialect == Dialect::Klipper);
+    all.map(|(stepper, ..)| format!("MANUAL_STEPPER STEPPER={stepper} GCODE_AXIS=\n"))
+        .collect()
+}
+
+/// What the job deposits, mm³.
+fn volume_mm3(job: &JobText, first: &[f64; CHANNELS]) -> f64 {
+    let end_tick = job.stream.marks.last().map_or(0, |mark| mark.end_tick);
+    Poses::new(job.stream).at(end_tick)[CHANNEL_VOLUME] - first[CHANNEL_VOLUME]
+}
+
+/// A time as front ends read it from comments.
+fn clock(seconds: f64) -> String {
+    let s = seconds.round() as u64;
+    let parts = [(s / 86_400, "d"), (s / 3600 % 24, "h"), (s / 60 % 60, "m")];
+    let shown = parts.into_iter().skip_while(|(n, _)| *n == 0);
+    let mut text: String = shown.map(|(n, unit)| format!("{n}{unit} ")).collect();
+    text += &format!("{}s", s % 60);
+    text
 }
 
 /// Names are comments of one line.

@@ -17,17 +17,6 @@ const WAIT_S: u32 = 1800;
 const FAN_LEAST: f64 = 2.0;
 /// Analog output of the part fan.
 const FAN_OUTPUT: u8 = 2;
-/// Codes and fields by which a start block of the user's own says that it heats.
-const HEATING: [&str; 7] = [
-    "M104",
-    "M109",
-    "M140",
-    "M190",
-    "M116",
-    "{hot_end_c}",
-    "{bed_c}",
-];
-
 impl<W: Write> Writer<'_, W> {
     /// A move of the stream, divided where something is ordered.
     pub(super) fn move_with_orders(
@@ -80,15 +69,59 @@ pub(super) fn last_lines(heat: &[HeatEvent], options: &WriteOptions) -> String {
         .collect()
 }
 
-/// The orders that stand before the job's first move; without heaters where the start block has them.
-pub(super) fn first_lines(heat: &[HeatEvent], options: &WriteOptions) -> String {
-    let block = options.blocks[0].as_deref().unwrap_or_default();
-    let heats = HEATING.iter().any(|word| block.contains(word));
-    let is_told = |event: &&HeatEvent| !heats || matches!(event.order, HeatOrder::Fan { .. });
+/// The orders before the job's first move as lines of a start block, temperatures as fields where they are the field's.
+pub(super) fn block_lines(heat: &[HeatEvent], dialect: Dialect) -> String {
+    let fields = first_fields(heat);
     let first = heat.iter().take_while(|event| event.tick == 0);
-    let told = first.filter(is_told);
-    told.map(|event| lines(&event.order, options.dialect, true))
-        .collect()
+    let line = |event: &HeatEvent| match event.order {
+        HeatOrder::Heater {
+            heater, celsius, ..
+        } if heater <= BED && celsius > 0.0 => {
+            let (name, value) = &fields[usize::from(heater != HOT_END)];
+            let told = short(celsius, 1);
+            let target = match *value == told {
+                true => format!("{{{name}}}"),
+                false => told,
+            };
+            lines_with(&event.order, dialect, true, &target)
+        }
+        order => lines(&order, dialect, true),
+    };
+    first.map(line).collect()
+}
+
+/// The orders that stand before the job's first move and that the start block, `filled` with its fields, has not: a heater
+/// that it waits for, or whose temperature it uses as a field, is its own.
+pub(super) fn first_lines(heat: &[HeatEvent], options: &WriteOptions, filled: &str) -> String {
+    let block = options.blocks[0].as_deref().unwrap_or_default();
+    let filled = format!("\n{filled}");
+    let first = heat.iter().take_while(|event| event.tick == 0);
+    let lines = first.map(|event| (event.order, lines(&event.order, options.dialect, true)));
+    let is_told = |(order, lines): &(HeatOrder, String)| {
+        let waits = matches!(order, HeatOrder::Heater { heater, .. } if waits(block, *heater));
+        !waits && !filled.contains(&format!("\n{lines}"))
+    };
+    lines.filter(is_told).map(|(_, lines)| lines).collect()
+}
+
+/// True where a start block of the user's own has a heater at its temperature when it ends.
+fn waits(block: &str, heater: u8) -> bool {
+    let (codes, field, input) = match heater {
+        HOT_END => (["M109", "M116"], "{hot_end_c}", "P0"),
+        BED => (["M190", "M116"], "{bed_c}", "P1"),
+        _ => (["M116"; 2], "{}", "P3"),
+    };
+    block.lines().any(|line| {
+        let code = line.split(';').next().unwrap_or_default();
+        let words: Vec<&str> = code.split_whitespace().collect();
+        match words.as_slice() {
+            ["M66", rest @ ..] => rest.contains(&input),
+            // Targets that nothing waits for.
+            ["M104" | "M140" | "M67" | "M68", ..] => false,
+            [first, ..] => codes.contains(first) || code.contains(field),
+            [] => false,
+        }
+    })
 }
 
 /// Temperatures and fan before the first move, for the fields of blocks.
@@ -111,6 +144,15 @@ pub(super) fn first_fields(heat: &[HeatEvent]) -> [(&'static str, String); 3] {
 
 /// An order's lines.
 fn lines(order: &HeatOrder, dialect: Dialect, at_rest: bool) -> String {
+    let target = match *order {
+        HeatOrder::Heater { celsius, .. } => short(celsius, 1),
+        HeatOrder::Fan { .. } => String::new(),
+    };
+    lines_with(order, dialect, at_rest, &target)
+}
+
+/// The same with a heater's target as it is to be written.
+fn lines_with(order: &HeatOrder, dialect: Dialect, at_rest: bool, target: &str) -> String {
     let output = if at_rest { "M68" } else { "M67" };
     match (*order, dialect.is_machine_tool()) {
         (HeatOrder::Fan { fan_pct }, true) => {
@@ -123,30 +165,15 @@ fn lines(order: &HeatOrder, dialect: Dialect, at_rest: bool) -> String {
             };
             format!("M106 S{}\n", short(speed, 0))
         }
-        (
-            HeatOrder::Heater {
-                heater,
-                celsius,
-                wait,
-            },
-            true,
-        ) => {
+        (HeatOrder::Heater { heater, wait, .. }, true) => {
             // The second hot end leaves its number to the fan.
             let number = if heater > BED { heater + 1 } else { heater };
-            let target = short(celsius, 1);
             match wait {
                 true => format!("M68 E{number} Q{target}\nM66 P{number} L3 Q{WAIT_S}\n"),
                 false => format!("{output} E{number} Q{target}\n"),
             }
         }
-        (
-            HeatOrder::Heater {
-                heater,
-                celsius,
-                wait,
-            },
-            false,
-        ) => {
+        (HeatOrder::Heater { heater, wait, .. }, false) => {
             let code = match (heater, wait) {
                 (BED, false) => "M140",
                 (BED, true) => "M190",
@@ -154,7 +181,7 @@ fn lines(order: &HeatOrder, dialect: Dialect, at_rest: bool) -> String {
                 (_, true) => "M109",
             };
             let tool = if heater > BED { " T1" } else { "" };
-            format!("{code}{tool} S{}\n", short(celsius, 1))
+            format!("{code}{tool} S{target}\n")
         }
     }
 }

@@ -15,17 +15,19 @@ pub mod arc_moves;
 pub mod controller_time;
 pub mod demands;
 pub mod dialect;
-mod ends;
+pub mod ends;
 mod heat;
 pub mod limits;
 pub mod lines;
 mod moves;
 mod poses;
 mod pushes;
+pub mod read_back;
 pub mod template;
 
 use crate::job::heat::{HeatEvent, ended};
 use crate::job::{MotionState, SegmentStream};
+use crate::settings::Settings;
 use controller_time::{ControllerTime, SlowedBy};
 use demands::Demands;
 use dialect::{ArcsWritten, Dialect, Retraction};
@@ -86,6 +88,10 @@ pub struct WriteOptions {
     pub blocks: [Option<String>; 2],
     /// Heaters stay on at the end.
     pub leave_hot: bool,
+    /// How high the tip may be, mm, where it is known.
+    pub height_mm: Option<f64>,
+    /// Density of the material, g/cm³, where it is known.
+    pub density_g_cm3: Option<f64>,
 }
 
 impl WriteOptions {
@@ -103,6 +109,17 @@ impl WriteOptions {
             arcs: None,
             blocks: [None, None],
             leave_hot: false,
+            height_mm: None,
+            density_g_cm3: None,
+        }
+    }
+
+    /// With what a job's settings say of its machine and material.
+    pub fn with_settings(self, settings: &Settings) -> WriteOptions {
+        WriteOptions {
+            height_mm: Some(settings.work_area_mm[1][2]),
+            density_g_cm3: settings.material.and_then(|of| of.density_g_cm3),
+            ..self
         }
     }
 }
@@ -140,6 +157,18 @@ pub enum WriteError {
         /// The letter of both.
         letter: char,
     },
+    /// A start block behind which the controller would not do what the job does.
+    #[error(
+        "line {line} of the start block, `{text}`: {problem}; take it back before the block ends, or leave it out"
+    )]
+    Block {
+        /// Line of the block, from 1.
+        line: usize,
+        /// That line.
+        text: String,
+        /// What comes of it.
+        problem: String,
+    },
     /// Arcs that the controller would not run as the job does.
     #[error("{dialect} has no arcs that are written: {reason}")]
     Arcs {
@@ -165,6 +194,8 @@ struct Writer<'a, W> {
     options: &'a WriteOptions,
     servo_hz: f64,
     at: At,
+    /// Highest place of the tip so far, mm.
+    top_mm: f64,
     /// Turns before they are wrapped.
     turn_deg: [f64; 3],
     tilts: bool,
@@ -179,6 +210,8 @@ struct Writer<'a, W> {
     /// Length and speed that the controller retracts by.
     retraction: String,
     recent: VecDeque<f64>,
+    /// Progress as it was told last.
+    told_pct: Option<u64>,
     time: ControllerTime,
     written: Written,
 }
@@ -235,6 +268,7 @@ pub fn write_gcode(
         options,
         servo_hz: job.servo_hz,
         at: At::default(),
+        top_mm: f64::NEG_INFINITY,
         turn_deg: [0.0; 3],
         tilts,
         follows,
@@ -245,6 +279,7 @@ pub fn write_gcode(
         retracted_mm: None,
         retraction: String::new(),
         recent: VecDeque::new(),
+        told_pct: None,
         time: ControllerTime::new(options.dialect, planned),
         written: Written {
             duration_s: ticks as f64 / job.servo_hz,
@@ -284,7 +319,8 @@ impl<W: Write> Writer<'_, W> {
             if mark.state == MotionState::Print && layer != Some(mark.layer) {
                 layer = Some(mark.layer);
                 let z_mm = poses.at(mark.start_tick)[2];
-                writeln!(self.out, ";LAYER_CHANGE\n;Z:{z_mm:.4}")?;
+                let number = mark.layer;
+                writeln!(self.out, ";LAYER_CHANGE\n;Z:{z_mm:.4}\n;LAYER:{number}")?;
             }
             let within = |tick: u64| (mark.start_tick..mark.end_tick).contains(&tick);
             let of_mark = events.iter().filter(|(tick, ..)| within(*tick));

@@ -144,8 +144,22 @@ impl<W: Write> Writer<'_, W> {
         writeln!(self.out, "{code}{words}{told}")?;
         self.feed = feed;
         self.at = to;
+        self.top_mm = self.top_mm.max(to.tip_mm[2]);
         self.written.arcs += usize::from(arc.is_some());
         self.count(time_s);
+        self.progress(time_s)
+    }
+
+    /// How much is done and how many minutes are left, each time a whole per cent has passed; machine tools know no code
+    /// for it.
+    fn progress(&mut self, now_s: f64) -> Result<(), WriteError> {
+        let all_s = self.written.duration_s;
+        let pct = (100.0 * now_s / all_s.max(1e-9)) as u64;
+        if !self.options.dialect.is_machine_tool() && self.told_pct != Some(pct) {
+            self.told_pct = Some(pct);
+            let left_min = short((all_s - now_s) / 60.0, 0);
+            writeln!(self.out, "M73 P{pct} R{left_min}")?;
+        }
         Ok(())
     }
 

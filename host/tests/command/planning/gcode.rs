@@ -37,7 +37,11 @@ fn a_sliced_file_becomes_a_job() {
     );
     let ran = headway(&["plan", path(&input), "-o", path(&job), "--json"]);
     let told = stderr(&ran);
-    for part in ["line 7 M900", "PrusaSlicer reckons with 6.0 s"] {
+    for part in [
+        "line 7 M900",
+        "PrusaSlicer reckons with 6.0 s",
+        "the file's path is moved by (",
+    ] {
         assert!(told.contains(part), "{part}: {told}");
     }
     let figures = object(&ran);
@@ -57,6 +61,15 @@ fn a_sliced_file_becomes_a_job() {
     // The file leaves the hot end on: the job does not.
     assert_eq!(heat[2]["order"]["celsius"], 0.0);
     assert!(stderr(&ran).contains("leaves on: hot end 215 °C"));
+    // A slicer's end moves are left out, and a path that is to stay where it is stays.
+    std::fs::write(&input, square() + "G1 Z10 F600\nG28 X0\n").expect("written");
+    let planned = ["plan", path(&input), "-o", path(&job), "--at", "100,100,0"];
+    let told = stderr(&headway(&planned));
+    assert!(
+        told.contains("line 35: the moves behind the last bead are not done"),
+        "{told}"
+    );
+    assert!(!told.contains("is moved by"), "{told}");
     // What goes with outlines or meshes is no option of a path.
     for option in [["--walls", "2"], ["--layer-range", "1-1"], ["--turn", "5"]] {
         let refused = headway(&["plan", path(&input), "-o", path(&job), option[0], option[1]]);

@@ -10,5 +10,6 @@ mod gcode_axes;
 mod idle_options;
 mod meshes;
 mod projects;
+mod start_blocks;
 mod surfaces;
 mod wide_beads;

@@ -259,10 +259,14 @@ fn check(job: &Job, dialect: Dialect, axes_are_the_machines: bool) -> (Runs, Wri
         );
     }
     let [first, second] = &runs.printed;
-    assert!(
-        (first.seconds / second.seconds - 1.0).abs() < 1e-9,
-        "{name}"
-    );
+    // The first print comes to the job's first place from zero, the second from where the first one parked: a machine tool
+    // does not rest there, and turns back or not: 7 ms of 7 s.
+    let apart = (first.seconds / second.seconds - 1.0).abs();
+    let most = match dialect {
+        Dialect::LinuxCnc | Dialect::GrblHal => 2e-3,
+        _ => 1e-9,
+    };
+    assert!(apart < most, "{name}: {apart}");
     (runs, written)
 }
 
