@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
-"""Bytes and figures of the jobs of a fixed set of inputs: what a change of the planner changes.
+"""Frames and figures of the jobs of a fixed set of inputs: what a change of the planner changes.
 
     cargo build --release -p headway
     tests/golden_set.py run target/release/headway tests/golden/jobs.tsv     the whole set, about an hour of two cores
     tests/golden_set.py run HEADWAY OUT.tsv --only slices/ --only parts/cube  inputs whose names begin so
     tests/golden_set.py list                                                  the names
     tests/golden_set.py compare BEFORE.tsv AFTER.tsv                          exit 1 if the plans got worse
-    tests/golden_set.py compare BEFORE.tsv AFTER.tsv --same                   exit 1 if a job has other bytes
+    tests/golden_set.py compare BEFORE.tsv AFTER.tsv --same                   exit 1 if a job has other frames
 
-Goal: a change that is to leave plans alone leaves every byte; one that changes them answers for time, ground and processor
+Goal: a change that is to leave plans alone leaves every frame; one that changes them answers for time, ground and processor
 time. Method: each input is planned with `headway plan --json`, one after the other; the table has a hash of the input with its
-options, a hash of the job, and the command's own figures. Examples and drawn parts are the repository's; slices, waypoints and
+options, a hash of the job's frames, and the command's own figures.
+The header is left out: it has figures and settings in text, which change without the motion. Examples and drawn parts are the repository's; slices, waypoints and
 some parts are read from ../shared/data. `--inputs FOLDER` adds what cannot lie there: FOLDER/gcode/*.gcode (the slicers' files
 of docs/measurements/gcode.md), FOLDER/parts/*.stl, *.3mf, *.obj. What is missing is named and left out.
 
@@ -22,6 +23,7 @@ import argparse
 import hashlib
 import json
 import os
+import struct
 import subprocess
 import sys
 import tempfile
@@ -131,6 +133,13 @@ def digest(data):
     return hashlib.sha256(data).hexdigest()
 
 
+def frames(job):
+    """Of a job file: magic, length of the header, header, CRC, frames, index, start of the index and 16 bytes more."""
+    (header,) = struct.unpack_from("<I", job, 8)
+    (index,) = struct.unpack_from("<Q", job, len(job) - 24)
+    return job[12 + header + 4 : index]
+
+
 def digest_of_input(words):
     """Of the options and the contents of the files, not of where they lie."""
     parts = [word.read_bytes() if isinstance(word, Path) else word.encode() for word in words]
@@ -171,7 +180,7 @@ def planned(binary, words, job):
     covered = figures.get("solid_covered_pct", figures.get("covered_of_reachable_pct"))
     depth_mm = figures.get("outside_depth_mm")
     return [
-        digest(job.read_bytes())[:32],
+        digest(frames(job.read_bytes()))[:32],
         given(figures["print_s"], 4),
         given(objective_s(figures) if covered is not None else None, 4),
         given(covered, 4),
