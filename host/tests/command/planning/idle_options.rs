@@ -6,7 +6,7 @@ use headway::api::OPTION_NAMES;
 use std::path::Path;
 
 /// A value for each option that is not the default's.
-const VALUES: [(&str, &str); 26] = [
+const VALUES: [(&str, &str); 34] = [
     ("speed", "30"),
     ("wall-speed", "20"),
     ("solid-speed", "20"),
@@ -33,6 +33,14 @@ const VALUES: [(&str, &str); 26] = [
     ("skirt-distance-mm", "5"),
     ("brim", "1"),
     ("avoid-crossing", ""),
+    ("copies", "2"),
+    ("copy-gap", "9"),
+    ("first-layer-height", "0.3"),
+    ("layer-range", "1-1"),
+    ("curved-layers", "skin"),
+    ("gap", "0.5"),
+    ("corner-tolerance", "0.1"),
+    ("place", "best"),
 ];
 const OF_SEAMS: [(&str, &str); 2] = [("seam", "aligned"), ("seam-direction", "10")];
 /// What bounds or allows: where nothing exceeds it, or nothing is in its way, it is kept. A strip as
@@ -129,7 +137,8 @@ fn every_option_changes_the_job_or_is_told() {
     let line = folder.join("line.wpt");
     let rows = (0..12).map(|k| format!("{} 0 0.2 0 0 1\n", 2 * k));
     std::fs::write(&line, rows.collect::<String>()).expect("written");
-    let found = silent(&folder, &[path(&line)], &["max-outer-inner-ratio"]);
+    let kept = ["max-outer-inner-ratio", "corner-tolerance", "place"];
+    let found = silent(&folder, &[path(&line)], &kept);
     assert_eq!(found, none);
 }
 

@@ -378,7 +378,7 @@ fn broken_meshes_leave_nothing_behind() {
         (
             "whole.stl",
             whole.clone(),
-            &["--layer-height", "9", "--scale", "0.1"],
+            &["--layer-height", "1.2", "--scale", "0.05"],
             1,
             "half of its first layer",
         ),
