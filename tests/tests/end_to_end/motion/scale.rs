@@ -41,7 +41,7 @@ fn machine(times: f64) -> Settings {
         }
         match line.split_once(" = ") {
             Some(("aperture", _)) => {
-                format!("aperture = \"ellipse:{}x{}\"", 0.6 * times, 0.2 * times)
+                format!("aperture = \"ellipse:{}x{}\"", 1.2 * times, 0.4 * times)
             }
             Some((key, value)) if !line.starts_with('#') => {
                 let factor = times.powi(exponent(&section, key));
