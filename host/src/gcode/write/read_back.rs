@@ -1,7 +1,7 @@
 //! A start block of the user's own, read back as the controller runs it.
 //!
 //! In: a job, its options. Out: nothing, or the line of the block behind which the controller would not do what the job
-//! does. Headway's reader goes through the head of the text, up to [`HEAD_BYTES`], with the block and without one; behind
+//! does. Headway's reader goes through the head of the text, up to `HEAD_BYTES`, with the block and without one; behind
 //! both the tip, the heading and what is extruded are to be the same. Leaves out what macros of the controller do, and
 //! the rest of the text: it goes on as it began.
 
