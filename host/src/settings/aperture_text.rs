@@ -236,16 +236,12 @@ fn corners(text: &str) -> Result<Vec<Vector2>, ApertureTextError> {
 /// A nozzle and what it lays, in words: "nozzle ellipse 1.2 x 0.4 mm, beads of 0.4 to 1.2 mm".
 pub fn nozzle_text(aperture: &Aperture) -> String {
     let text = aperture_words(aperture);
-    let [narrow, wide] = bead_widths_mm(aperture);
+    let full_mm = |half_mm: f64| (2e2 * half_mm).round() / 1e2;
+    let [narrow, wide] = [aperture.minor_mm(), aperture.major_mm()].map(full_mm);
     match narrow == wide {
         true => format!("nozzle {text}, beads of {wide} mm"),
         false => format!("nozzle {text}, beads of {narrow} to {wide} mm"),
     }
-}
-
-/// The narrowest and the widest bead, to 0.01 mm.
-fn bead_widths_mm(aperture: &Aperture) -> [f64; 2] {
-    [aperture.minor_mm(), aperture.major_mm()].map(|half_mm| (2e2 * half_mm).round() / 1e2)
 }
 
 /// A nozzle as tables and verdicts have it: "ellipse 1.2 x 0.4 mm".

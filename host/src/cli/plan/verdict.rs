@@ -4,7 +4,7 @@
 //! objection remains. Not covered: how objections are found.
 
 use crate::cli::args::PartArgs;
-use crate::cli::args::allow::{AllowArgs, AllowName, RefuseName, VerdictArgs};
+use crate::cli::args::allow::{AllowArgs, VerdictArgs};
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
 use crate::pipeline::findings::objections::{Objection, ObjectionKind};
@@ -12,27 +12,23 @@ use crate::pipeline::planned::Planned;
 use crate::report::figures::{AgainstFigures, Figures};
 use crate::report::verdict as report;
 use crate::settings::aperture_text::words_of;
+use clap::ValueEnum;
 
 impl AllowArgs {
-    /// A finding that is not asked to refuse the job.
-    fn keeps(&self, finding: RefuseName) -> bool {
-        !self.refuse.contains(&finding)
-    }
-
-    /// Objections of this kind do not refuse the job.
+    /// Objections of this kind do not refuse the job. Options spell kinds as objections do.
     fn allows(&self, kind: ObjectionKind) -> bool {
-        let name = match kind {
-            ObjectionKind::Touches => AllowName::Touches,
-            ObjectionKind::Range => AllowName::Range,
-            ObjectionKind::Fault => return false,
-            ObjectionKind::LayerTime => return self.keeps(RefuseName::LayerTime),
-            ObjectionKind::Curves => return self.keeps(RefuseName::Curves),
-            ObjectionKind::Options => return self.keeps(RefuseName::Options),
-            ObjectionKind::Floating => return self.keeps(RefuseName::Floating),
-            ObjectionKind::LayerHeight => return self.keeps(RefuseName::LayerHeight),
-        };
-        self.allow.contains(&name)
+        match kind {
+            ObjectionKind::Fault => false,
+            _ if kind.can_be_allowed() => is_named(&self.allow, kind),
+            _ => !is_named(&self.refuse, kind),
+        }
     }
+}
+
+/// One of the names of an option is that of the kind.
+fn is_named<T: ValueEnum>(names: &[T], kind: ObjectionKind) -> bool {
+    let mut values = names.iter().filter_map(ValueEnum::to_possible_value);
+    values.any(|value| value.get_name() == kind.name())
 }
 
 /// Plans; if joints leave their ranges and that is allowed, plans again with wider ranges. `plan` is given the
