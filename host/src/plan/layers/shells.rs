@@ -86,8 +86,9 @@ pub fn overhangs(
         let mut open = match below {
             Some(below) if apart_mm(outlines[layer], below, reach_mm).is_none() => {
                 let holding = grown(below, reach_mm);
-                hanging.floating = floating(outlines[layer], &holding);
-                difference(outlines[layer], &holding)
+                let open = difference(outlines[layer], &holding);
+                hanging.floating = floating(outlines[layer], &open, &holding);
+                open
             }
             _ => Vec::new(),
         };
@@ -113,9 +114,17 @@ pub fn overhangs(
     found.collect()
 }
 
-/// The regions of a layer that nothing below holds: their area, mm², and a place of the largest.
-fn floating(layer: &[Region], holding: &[Region]) -> Option<(f64, Point2)> {
-    let floats = |region: &&Region| intersection(std::slice::from_ref(region), holding).is_empty();
+/// Least share of a region's area that is open where all of it is: far above rounding.
+const WHOLE_SHARE: f64 = 1.0 - 1e-6;
+
+/// The regions of a layer that nothing below holds: their area, mm², and a place of the largest. `open` is what is left of the
+/// layer beside `holding`: a region that is held nowhere is whole in it, and only such ones are looked at.
+fn floating(layer: &[Region], open: &[Region], holding: &[Region]) -> Option<(f64, Point2)> {
+    let largest_mm2 = open.iter().map(Region::area_mm2).fold(0.0, f64::max);
+    let may_float = |region: &&Region| region.area_mm2() * WHOLE_SHARE <= largest_mm2;
+    let floats = |region: &&Region| {
+        may_float(region) && intersection(std::slice::from_ref(region), holding).is_empty()
+    };
     let floating: Vec<&Region> = layer.iter().filter(floats).collect();
     let area_mm2 = |region: &&Region| region.area_mm2();
     let largest = (floating.iter()).max_by(|a, b| area_mm2(a).total_cmp(&area_mm2(b)))?;
