@@ -155,9 +155,11 @@ pub fn optimise(
     objective: &Objective,
     effort: &Effort,
 ) -> OptimiseReport {
+    if effort.iterations == 0 {
+        return OptimiseReport::unchanged(Outcome::Nothing, passes);
+    }
     let search = match Search::begin(passes, site, objective) {
-        Ok(search) if effort.iterations > 0 => search,
-        Ok(_) => return OptimiseReport::unchanged(Outcome::Nothing, passes),
+        Ok(search) => search,
         Err(outcome) => return OptimiseReport::unchanged(outcome, passes),
     };
     let before = search.terms();
