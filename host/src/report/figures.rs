@@ -5,7 +5,7 @@
 
 pub use super::corner_figures::CornerFigures;
 pub use super::curved_layer_figures::CurvedLayerFigures;
-use super::figure_rows::Row;
+use super::figure_rows::{GROUPS, Row, number, row, slowest_place, time_shares};
 pub use super::layer_figures::{Inside, KindFigures, LayerFigures, LayerPlace, UseFigures};
 pub use super::verdict_figures::{AgainstFigures, UnevenFigures, VerdictFigures};
 use serde::{Deserialize, Serialize};
@@ -28,260 +28,200 @@ pub struct SlowPlaceFigures {
     pub layer: Option<u32>,
 }
 
-/// All figures; the keys are the field names. Shares are of the layers' area, over all layers;
-/// depths and rates the worst of any; lengths, times and counts totals.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Figures {
+/// Declares [`Figures`]: key and type of each, then, if tables of figures show it, its place in them (group in
+/// hundreds), its name there, how its value is written, and the figure without which it is not shown.
+macro_rules! figures {
+    ($($(#[doc = $doc:literal])+ $key:ident: $of:ty
+        $(=> $place:literal $what:literal, $text:expr $(, if $known:ident)?)?;)+) => {
+        /// All figures; the keys are the field names. Shares are of the layers' area, over all layers;
+        /// depths and rates the worst of any; lengths, times and counts totals.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(default)]
+        pub struct Figures {
+            $($(#[doc = $doc])+ #[serde(skip_serializing_if = "Option::is_none")] pub $key: Option<$of>,)+
+        }
+
+        impl Figures {
+            /// Rows of the tables, in the order of the keys.
+            fn rows(&self) -> Vec<Row> {
+                let mut rows = Vec::new();
+                $($(if true $(&& self.$known.is_some())? {
+                    rows.extend(row($place, $what, &self.$key, $text));
+                })?)+
+                rows
+            }
+        }
+    };
+}
+
+figures! {
     /// The figures in words; for displayed figures, never for those in a job file.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub verdict: Option<VerdictFigures>,
+    verdict: VerdictFigures;
     /// What keeps the job from being good, one line each; it was allowed where there is a job all the same.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub objections: Option<Vec<String>>,
+    objections: Vec<String>;
     /// Area of the outline.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub area_mm2: Option<f64>,
+    area_mm2: f64 => 101 "outline", number(2, "mm²");
     /// Layers, where there are several.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub layers: Option<u64>,
+    layers: u64 => 201 "layers", u64::to_string;
     /// Layers that follow the top of a part, where there are some.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub curved_layers: Option<CurvedLayerFigures>,
+    curved_layers: CurvedLayerFigures => 202 "curved layers", |layers| layers.text();
     /// Layer groups, by their first layer.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub layer_kinds: Option<Vec<KindFigures>>,
+    layer_kinds: Vec<KindFigures>;
     /// `covered_pct` of the layer that has the least.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub covered_pct_min: Option<f64>,
+    covered_pct_min: f64 => 203 "covered, least of a layer", number(2, "%");
     /// `overlap_pct` of the layer that has the most.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub overlap_pct_max: Option<f64>,
+    overlap_pct_max: f64 => 204 "overlap, most of a layer", number(2, "%");
     /// Share of the outline that some aperture inside it can cover.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub reachable_pct: Option<f64>,
+    reachable_pct: f64 => 102 "reachable", number(2, "%");
     /// Share of the outline that is covered.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub covered_pct: Option<f64>,
+    covered_pct: f64 => 103 "covered", number(2, "%");
     /// Share of the reachable part that is covered.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub covered_of_reachable_pct: Option<f64>,
+    covered_of_reachable_pct: f64 => 104 "covered of reachable", number(2, "%");
     /// Largest depth of a placed aperture outside the outline, on the finished segments.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub outside_depth_mm: Option<f64>,
+    outside_depth_mm: f64 => 106 "outside, deepest", |mm| number(2, "µm")(&(mm * 1e3));
     /// Share of the outline that is swept more than once.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub overlap_pct: Option<f64>,
+    overlap_pct: f64 => 105 "overlap", number(2, "%");
     /// Area of the outline lost to keep-outs; the shares are of the rest.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub kept_out_mm2: Option<f64>,
+    kept_out_mm2: f64 => 107 "kept out", number(2, "mm²");
     /// Ground inside the walls that infill lines are to cover.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub infill_mm2: Option<f64>,
+    infill_mm2: f64 => 108 "infill area", number(2, "mm²");
     /// Covered share of that: the resulting density.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub infill_covered_pct: Option<f64>,
+    infill_covered_pct: f64 => 109 "infill density", number(2, "%");
     /// Area of all layers that is open on purpose between the lines of a sparse infill.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub sparse_mm2: Option<f64>,
+    sparse_mm2: f64 => 110 "left to sparse lines", number(2, "mm²");
     /// Covered share of that.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub sparse_covered_pct: Option<f64>,
+    sparse_covered_pct: f64 => 111 "covered of that", number(2, "%");
     /// Covered share of all other area of the outline, if some is sparse.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub solid_covered_pct: Option<f64>,
+    solid_covered_pct: f64 => 112 "covered of the rest", number(2, "%");
     /// Boundary length that no aperture inside can touch.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unreachable_mm: Option<f64>,
+    unreachable_mm: f64 => 113 "unreachable boundary", number(2, "mm");
     /// Largest connected uncovered area of the layers that are to be filled.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub open_largest_mm2: Option<f64>,
+    open_largest_mm2: f64 => 114 "largest piece left open", number(3, "mm²");
     /// Largest number of layers on which the same tenth of a millimetre is uncovered, away from the
     /// outline.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub open_ground_stacked_max_layers: Option<u64>,
+    open_ground_stacked_max_layers: u64 => 115 "open on the same place, layers", u64::to_string;
     /// Such area that is uncovered on half of the layers or more.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub open_ground_stacked_mm2: Option<f64>,
+    open_ground_stacked_mm2: f64 => 116 "open on half the layers", number(2, "mm²");
     /// Area that extends farther than half a bead beyond the layer below, all layers of a part.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub overhang_mm2: Option<f64>,
+    overhang_mm2: f64 => 117 "hanging over nothing", number(2, "mm²");
     /// By layer, the most first.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub overhang_places: Option<Vec<LayerPlace>>,
+    overhang_places: Vec<LayerPlace>;
     /// Regions of a part that are not printed.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub left_out_places: Option<Vec<LayerPlace>>,
+    left_out_places: Vec<LayerPlace> => 118 "regions not printed", |places| places.len().to_string();
     /// The places of that: centre x, y and length of each, at most a thousand.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unreachable_places_mm: Option<Vec<[f64; 3]>>,
+    unreachable_places_mm: Vec<[f64; 3]>;
     /// Continuous runs with flow.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub passes: Option<u64>,
+    passes: u64 => 301 "passes", u64::to_string;
     /// Retract, travel and prime between two passes.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow_interruptions: Option<u64>,
+    flow_interruptions: u64 => 302 "flow interruptions", u64::to_string;
     /// Travels between passes that leave the outline.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub outline_crossings: Option<u64>,
+    outline_crossings: u64 => 303 "travels across the outline", u64::to_string;
     /// Length of the tip's path on which nozzle or head collide with the table or the print.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub touched_mm: Option<f64>,
+    touched_mm: f64 => 304 "path with collisions", number(1, "mm");
     /// Largest dip of the nozzle's flat end into the print.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub tip_dip_max_mm: Option<f64>,
+    tip_dip_max_mm: f64 => 305 "flat end in the print", number(2, "mm");
     /// Corners of a run of waypoints, where they are to be rounded.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rounded_corners: Option<CornerFigures>,
+    rounded_corners: CornerFigures => 306 "corners rounded", |corners| corners.text();
     /// Tip path with flow.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub print_mm: Option<f64>,
+    print_mm: f64 => 307 "printing path", number(1, "mm");
     /// Printing path around the part: skirt and brim.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub skirt_mm: Option<f64>,
+    skirt_mm: f64 => 308 "skirt and brim", number(1, "mm");
     /// Tip path without flow.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub travel_mm: Option<f64>,
+    travel_mm: f64 => 309 "travel", number(1, "mm");
     /// Duration of the job.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub print_s: Option<f64>,
+    print_s: f64 => 310 "print time", number(2, "s");
     /// The same part with another nozzle, if requested.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub against: Option<AgainstFigures>,
+    against: AgainstFigures;
     /// The same without limits of the joints' jerk.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time_bound_s: Option<f64>,
+    time_bound_s: f64 => 311 "without limits of jerk", number(2, "s");
     /// The slicer's own estimate of the printing time, of G-code.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub slicer_estimate_s: Option<f64>,
+    slicer_estimate_s: f64 => 312 "slicer's estimate", number(2, "s");
     /// What the passes deposit; primes and retracts are not in it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub volume_mm3: Option<f64>,
+    volume_mm3: f64 => 313 "deposited volume", number(2, "mm³");
     /// Time, volume and path length by kind of bead: walls, solid, sparse, bridge, skirt; travel and
     /// rests.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub by_kind: Option<BTreeMap<String, UseFigures>>,
+    by_kind: BTreeMap<String, UseFigures>;
     /// Time and volume by layer, the longest first, at most a thousand.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub by_layer: Option<Vec<LayerFigures>>,
+    by_layer: Vec<LayerFigures>;
     /// Mass of the passes, where the material's density is known.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mass_g: Option<f64>,
+    mass_g: f64 => 314 "mass", number(2, "g");
     /// What that costs, where its price is known.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub material_cost: Option<f64>,
+    material_cost: f64 => 315 "cost of the material", number(2, "");
     /// Length of the filament, where its diameter is known.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub filament_mm: Option<f64>,
+    filament_mm: f64 => 316 "filament", number(1, "mm");
     /// Layers that were slowed to the requested minimum time.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub slowed_layers: Option<u64>,
+    slowed_layers: u64 => 317 "layers slowed", u64::to_string;
     /// Those of them that are over too soon all the same.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub short_layers: Option<u64>,
+    short_layers: u64 => 318 "layers too short all the same", u64::to_string;
     /// The layer that takes longest, of several, s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub layer_time_longest_s: Option<f64>,
+    layer_time_longest_s: f64 => 319 "longest layer", number(1, "s");
     /// Layers that take longer than permitted.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub late_layers: Option<u64>,
+    late_layers: u64 => 320 "layers that take too long", u64::to_string;
     /// Largest ratio of a bead's material on the outside of a curve to that on the inside; 100 if the inside
     /// is at rest.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub outer_inner_ratio_max: Option<f64>,
+    outer_inner_ratio_max: f64 => 321 "outside by inside of a curve, worst", number(2, ""), if outer_inner_over_mm;
     /// Where that is, input coordinates.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub outer_inner_ratio_at_mm: Option<[f64; 3]>,
+    outer_inner_ratio_at_mm: [f64; 3];
     /// Printing path above the ratio that is allowed.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub outer_inner_over_mm: Option<f64>,
+    outer_inner_over_mm: f64 => 322 "path in tighter curves", number(1, "mm");
     /// Duration of planning.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub plan_s: Option<f64>,
+    plan_s: f64 => 323 "planning time", number(2, "s");
     /// Sum of |heading change|.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub heading_travel_rad: Option<f64>,
+    heading_travel_rad: f64 => 324 "heading travel", number(1, "rad");
     /// Peak heading rate.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub heading_rate_max_rad_s: Option<f64>,
+    heading_rate_max_rad_s: f64 => 325 "heading rate, peak", number(2, "rad/s");
     /// Spans of the stream.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub segments: Option<u64>,
+    segments: u64 => 406 "segments", u64::to_string;
     /// Bytes to the controller.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub bytes: Option<u64>,
+    bytes: u64 => 407 "bytes", u64::to_string;
     /// The same for each second of motion.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub bytes_per_s: Option<f64>,
+    bytes_per_s: f64 => 408 "bytes per second of motion", number(0, "B/s");
     /// Worst speed over its share of the limit.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub limit_ratio_velocity: Option<f64>,
+    limit_ratio_velocity: f64 => 401 "worst speed / limit", number(4, "");
     /// Worst acceleration over its share of the limit.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub limit_ratio_acceleration: Option<f64>,
+    limit_ratio_acceleration: f64 => 402 "worst acceleration / limit", number(4, "");
     /// Worst jerk over its share of the limit.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub limit_ratio_jerk: Option<f64>,
+    limit_ratio_jerk: f64 => 403 "worst jerk / limit", number(4, "");
     /// Share of the printing time at each limit; "none" is the share at no limit.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time_share_by_limit: Option<BTreeMap<String, f64>>,
+    time_share_by_limit: BTreeMap<String, f64> => 404 "printing time at", |shares| time_shares(shares);
     /// The five places of about a millimetre that take longest, the slowest first.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub slow_places: Option<Vec<SlowPlaceFigures>>,
+    slow_places: Vec<SlowPlaceFigures> => 405 "slowest place", |places| slowest_place(places);
     /// Where beads are uneven, by kind: absent for even ones.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub uneven_places: Option<Vec<UnevenFigures>>,
+    uneven_places: Vec<UnevenFigures>;
     /// Tip of the simulated steps against the plan.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub tip_error_um_max: Option<f64>,
+    tip_error_um_max: f64 => 502 "tip error, worst", number(2, "µm");
     /// The same, root mean square.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub tip_error_um_rms: Option<f64>,
+    tip_error_um_rms: f64 => 503 "tip error, rms", number(2, "µm");
     /// Heading of the simulated steps against the plan.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub heading_error_mrad_max: Option<f64>,
+    heading_error_mrad_max: f64 => 505 "heading error, worst", number(3, "mrad");
     /// Effect of half a step of every joint at the tip.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub half_step_um_max: Option<f64>,
+    half_step_um_max: f64 => 504 "half a step at the tip", number(2, "µm");
     /// Effect of half a step of every joint on the heading.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub half_step_mrad_max: Option<f64>,
+    half_step_mrad_max: f64 => 506 "half a step in heading", number(3, "mrad");
     /// Input shapers' path from the planned one, where joints are shaped; the errors above are from theirs.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub shaping_error_um_max: Option<f64>,
+    shaping_error_um_max: f64 => 507 "shaping error", number(1, "µm");
     /// Deposited volume of the steps against the plan.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub volume_error_pct: Option<f64>,
+    volume_error_pct: f64 => 508 "volume error", number(4, "%");
     /// Steps against the exact crossing.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub step_time_error_us_max: Option<f64>,
+    step_time_error_us_max: f64 => 509 "step time error, worst", number(2, "µs");
     /// The same, root mean square.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub step_time_error_us_rms: Option<f64>,
+    step_time_error_us_rms: f64 => 510 "step time error, rms", number(2, "µs");
     /// Steps of all motors.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub steps: Option<u64>,
+    steps: u64 => 501 "steps", u64::to_string;
     /// Hash of every step: tick from the job's first segment, motor, direction.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub step_digest: Option<String>,
+    step_digest: String => 516 "step digest", String::clone;
     /// Step counts at the end: joints in order, extruder last.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub final_counts: Option<Vec<i64>>,
+    final_counts: Vec<i64>;
     /// Frames that had to be sent again.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub resent_frames: Option<u64>,
+    resent_frames: u64 => 511 "frames sent again", u64::to_string;
     /// Times the controller ran out of segments.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub underruns: Option<u64>,
+    underruns: u64 => 512 "underruns", u64::to_string;
     /// Times the head came to rest on the path and continued.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub holds: Option<u64>,
+    holds: u64 => 513 "holds", u64::to_string;
     /// Faults latched.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub faults: Option<u64>,
+    faults: u64 => 514 "faults", u64::to_string;
     /// Seconds of motion for each second of simulation.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub realtime_factor: Option<f64>,
+    realtime_factor: f64 => 515 "motion / simulation time", number(1, "x");
 }
 
 impl Figures {
@@ -303,28 +243,18 @@ impl Figures {
 
     /// The figures in groups, for a terminal: (group, rows of (what, value with unit)).
     pub fn groups(&self) -> Vec<(&'static str, Vec<(String, String)>)> {
-        let named = |rows: Vec<Row>| -> Vec<(String, Option<String>)> {
-            let rows = rows.into_iter();
-            rows.map(|(what, value)| (what.to_string(), value))
-                .collect()
-        };
-        let groups = [
-            ("Coverage", named(self.coverage_rows())),
-            ("Layers", self.layer_rows()),
-            ("Motion", named(self.motion_rows())),
-            ("Limits and stream", named(self.stream_rows())),
-            ("Simulated steps", named(self.step_rows())),
-        ];
+        let mut rows = self.rows();
+        rows.extend(self.layer_rows());
+        rows.sort_by_key(|row| row.place);
+        let mut groups: Vec<(&str, Vec<_>)> = Vec::new();
+        for group in rows.chunk_by(|a, b| a.place / 100 == b.place / 100) {
+            let rows = group.iter().map(|row| (row.what.clone(), row.text.clone()));
+            groups.push((
+                GROUPS[usize::from(group[0].place / 100) - 1],
+                rows.collect(),
+            ));
+        }
         groups
-            .into_iter()
-            .map(|(group, rows)| {
-                let known = rows
-                    .into_iter()
-                    .filter_map(|(what, value)| Some((what, value?)));
-                (group, known.collect::<Vec<_>>())
-            })
-            .filter(|(_, rows)| !rows.is_empty())
-            .collect()
     }
 
     /// [`Figures::groups`] as aligned text.

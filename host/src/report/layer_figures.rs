@@ -77,7 +77,7 @@ impl KindFigures {
         })
     }
 
-    pub(super) fn row(&self) -> (String, Option<String>) {
+    pub(super) fn row(&self) -> (String, String) {
         let what = match self.layers {
             0 | 1 => format!("layer {}", self.first_layer + 1),
             layers => format!("layer {} and {} like it", self.first_layer + 1, layers - 1),
@@ -92,7 +92,7 @@ impl KindFigures {
         if let Some(pct) = self.infill_covered_pct {
             value += &format!(" ({pct:.1} % came out)");
         }
-        (what, Some(value))
+        (what, value)
     }
 }
 

@@ -2,10 +2,10 @@
 //!
 //! In: the file, its plan. Out: figures, notes for the user, objections.
 
-use super::Findings;
 use super::objections::Objection;
 use super::settings_warnings::settings_warnings;
 use super::wide_beads::{Laid, LateLayers};
+use super::{Findings, doubled_note, shared_figures};
 use crate::gcode::GcodeProgram;
 use crate::job::heat::{HeatOrder, left_on};
 use crate::pipeline::gcode::GcodePlan;
@@ -52,27 +52,13 @@ pub fn gcode_findings(
 /// What the plan by itself came to.
 fn own_figures(program: &GcodeProgram, planned: &GcodePlan, plan_s: f64) -> Figures {
     let f = &planned.figures;
-    let passes = f.passes as u64;
     Figures {
         layers: Some(u64::from(f.layers)),
-        passes: Some(passes),
-        flow_interruptions: Some(passes.saturating_sub(1)),
-        print_mm: Some(f.print_mm),
-        travel_mm: Some(f.travel_mm),
-        print_s: Some(f.print_s),
         time_bound_s: Some(planned.motion.time_bound_s),
         slicer_estimate_s: program.estimate_s,
-        volume_mm3: Some(f.volume_mm3),
         plan_s: Some(plan_s),
-        heading_travel_rad: Some(f.heading_travel_rad),
-        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
-        touched_mm: planned.touches.as_ref().map(|touches| touches.touched_mm),
-        tip_dip_max_mm: planned
-            .touches
-            .as_ref()
-            .map(|touches| touches.tip_dip_max_mm),
         segments: Some(planned.stream.knots.len() as u64),
-        ..Figures::default()
+        ..shared_figures(f, false, [0.0; 2], planned.touches.as_ref())
     }
 }
 
@@ -130,12 +116,7 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
             ));
         }
     }
-    let doubled = planned.motion.doubled_moves;
-    if doubled > 0 {
-        warnings.push(format!(
-            "{doubled} moves had to be slowed as a whole to keep the limits"
-        ));
-    }
+    warnings.extend(doubled_note(planned.motion.doubled_moves as u64));
     warnings
 }
 

@@ -30,6 +30,7 @@ use crate::pipeline::stacked_ground::open_cells;
 use crate::pipeline::surface::curved_layers::CurvedFigures;
 use crate::pipeline::two_bead_walls::TwoBeadWalls;
 use crate::plan::judge::figures::PlanFigures;
+use crate::plan::judge::touches::Touches;
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::pass::{LayerPass, PassKind};
@@ -137,78 +138,80 @@ fn all_figures(
         .merged_with(&stacked_figures(&cells))
 }
 
-/// The area that is open on purpose between sparse lines, and the coverage of the rest; `None` without
-/// such area.
-pub(crate) fn sparse_figures(figures: &PlanFigures, sparse_mm2: [f64; 2]) -> Figures {
-    let [ground_mm2, swept_mm2] = sparse_mm2;
-    if ground_mm2 <= 0.0 {
-        return Figures::default();
-    }
-    let all_mm2 = figures.area_mm2 * f64::from(figures.layers);
-    let rest_mm2 = (all_mm2 - ground_mm2).max(1e-12);
-    let covered_mm2 = (0.01 * figures.covered_pct * all_mm2 - swept_mm2).max(0.0);
-    Figures {
-        sparse_mm2: Some(ground_mm2),
-        sparse_covered_pct: Some(100.0 * swept_mm2 / ground_mm2),
-        solid_covered_pct: Some((100.0 * covered_mm2 / rest_mm2).min(100.0)),
-        ..Figures::default()
-    }
-}
-
-fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
-    let f = &plan.figures;
+/// What a plan of any kind is measured by; a path has no area. `sparse_mm2` is the area that is open on purpose between
+/// sparse lines, and what of it is covered.
+pub(crate) fn shared_figures(
+    f: &PlanFigures,
+    has_area: bool,
+    [sparse_mm2, swept_mm2]: [f64; 2],
+    touches: Option<&Touches>,
+) -> Figures {
     let passes = f.passes as u64;
-    // A path has no area: these figures would mean nothing.
-    let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
-    let has_area = !plan.regions().is_empty() || is_laid;
     let of_area = |figure: f64| has_area.then_some(figure);
-    let infill = plan.infill_area_mm2(None);
-    let place = |run: &UnreachableRun| {
-        let at: Point2 = nalgebra::center(&run.from, &run.to);
-        [at.x, at.y, run.length_mm()]
-    };
-    let is_stack = f.layers > 1;
+    let of_sparse = |figure: f64| (sparse_mm2 > 0.0).then_some(figure);
+    let all_mm2 = f.area_mm2 * f64::from(f.layers);
+    let rest_mm2 = (all_mm2 - sparse_mm2).max(1e-12);
+    let covered_mm2 = (0.01 * f.covered_pct * all_mm2 - swept_mm2).max(0.0);
     Figures {
         area_mm2: of_area(f.area_mm2),
-        layers: is_stack.then_some(u64::from(f.layers)),
-        curved_layers: plan.curved_layers.as_ref().map(curved_layer_figures),
-        layer_kinds: (is_stack && !plan.kinds.is_empty()).then(|| kind_figures(plan)),
-        covered_pct_min: is_stack.then_some(f.covered_pct_min),
-        overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
         reachable_pct: of_area(f.reachable_pct),
         covered_pct: of_area(f.covered_pct),
         covered_of_reachable_pct: of_area(f.covered_of_reachable_pct),
         outside_depth_mm: of_area(f.outside_depth_mm),
         overlap_pct: of_area(f.overlap_pct),
+        sparse_mm2: of_sparse(sparse_mm2),
+        sparse_covered_pct: of_sparse(100.0 * swept_mm2 / sparse_mm2),
+        solid_covered_pct: of_sparse((100.0 * covered_mm2 / rest_mm2).min(100.0)),
+        passes: Some(passes),
+        flow_interruptions: Some(passes.saturating_sub(1)),
+        touched_mm: touches.map(|touches| touches.touched_mm),
+        tip_dip_max_mm: touches.map(|touches| touches.tip_dip_max_mm),
+        print_mm: Some(f.print_mm),
+        travel_mm: Some(f.travel_mm),
+        print_s: Some(f.print_s),
+        volume_mm3: Some(f.volume_mm3),
+        heading_travel_rad: Some(f.heading_travel_rad),
+        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
+        ..Figures::default()
+    }
+}
+
+/// Centre and length of every run.
+fn places_of(unreachable: &[UnreachableRun]) -> impl Iterator<Item = [f64; 3]> {
+    unreachable.iter().map(|run| {
+        let at: Point2 = nalgebra::center(&run.from, &run.to);
+        [at.x, at.y, run.length_mm()]
+    })
+}
+
+fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
+    let f = &plan.figures;
+    // A path has no area: these figures would mean nothing.
+    let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
+    let has_area = !plan.regions().is_empty() || is_laid;
+    let infill = plan.infill_area_mm2(None);
+    let is_stack = f.layers > 1;
+    let unreachable_mm: f64 = unreachable.iter().map(UnreachableRun::length_mm).sum();
+    let sparse_mm2 = plan.sparse_area_mm2(None).unwrap_or_default();
+    Figures {
+        layers: is_stack.then_some(u64::from(f.layers)),
+        curved_layers: plan.curved_layers.as_ref().map(curved_layer_figures),
+        layer_kinds: (is_stack && !plan.kinds.is_empty()).then(|| kind_figures(plan)),
+        covered_pct_min: is_stack.then_some(f.covered_pct_min),
+        overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
         kept_out_mm2: (!plan.keep_out.is_empty()).then_some(plan.kept_out_mm2),
         infill_mm2: infill.map(|[ground, _]| ground),
         infill_covered_pct: infill.map(|[ground, swept]| 100.0 * swept / ground.max(1e-12)),
         // The sum of nothing is -0.
-        unreachable_mm: of_area(
-            unreachable
-                .iter()
-                .map(UnreachableRun::length_mm)
-                .sum::<f64>()
-                + 0.0,
-        ),
+        unreachable_mm: has_area.then_some(unreachable_mm + 0.0),
         unreachable_places_mm: has_area
-            .then(|| unreachable.iter().take(PLACES_LISTED).map(place).collect()),
-        passes: Some(passes),
-        flow_interruptions: Some(passes.saturating_sub(1)),
+            .then(|| places_of(unreachable).take(PLACES_LISTED).collect()),
         outline_crossings: (!plan.regions().is_empty()).then_some(plan.outline_crossings as u64),
-        touched_mm: plan.touches.as_ref().map(|touches| touches.touched_mm),
-        tip_dip_max_mm: plan.touches.as_ref().map(|touches| touches.tip_dip_max_mm),
-        print_mm: Some(f.print_mm),
         skirt_mm: plan.skirt.is_some().then_some(f.skirt_mm),
-        travel_mm: Some(f.travel_mm),
-        print_s: Some(f.print_s),
         time_bound_s: Some(plan.motion.time_bound_s),
-        volume_mm3: Some(f.volume_mm3),
         plan_s: Some(plan_s),
-        heading_travel_rad: Some(f.heading_travel_rad),
-        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
         segments: Some(plan.stream.knots.len() as u64),
-        ..sparse_figures(f, plan.sparse_area_mm2(None).unwrap_or_default())
+        ..shared_figures(f, has_area, sparse_mm2, plan.touches.as_ref())
     }
 }
 
@@ -293,12 +296,7 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
     let mut warnings: Vec<String> = unreachable_note(unreachable, length_mm)
         .into_iter()
         .collect();
-    if plan.motion.doubled_moves > 0 {
-        warnings.push(format!(
-            "{} moves had to be slowed as a whole to keep the limits",
-            plan.motion.doubled_moves
-        ));
-    }
+    warnings.extend(doubled_note(plan.motion.doubled_moves as u64));
     let crowded = plan.skirt.as_ref().map(|skirt| skirt.crowded);
     warnings.extend(crowded_note(crowded));
     warnings.extend(plan.roofs.notes(settings));
@@ -306,6 +304,11 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
     warnings.extend(short_layers_note(plan.slowed, settings));
     warnings.extend(run_notes(plan, settings));
     warnings
+}
+
+/// The note on moves that kept a limit only when they were slowed as a whole.
+pub(crate) fn doubled_note(moves: u64) -> Option<String> {
+    (moves > 0).then(|| format!("{moves} moves had to be slowed as a whole to keep the limits"))
 }
 
 /// The note on loops of a brim without room.

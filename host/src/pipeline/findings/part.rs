@@ -8,7 +8,7 @@ use super::objections::{Objection, ObjectionKind};
 use super::settings_warnings::{high_layers, settings_warnings};
 use super::use_figures::{short_layers_note, stacked_figures, use_figures};
 use super::wide_beads::{Laid, LateLayers};
-use super::{sparse_figures, unreachable_note};
+use super::{doubled_note, places_of, shared_figures, unreachable_note};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Region;
 use crate::mesh::layers::SlicedPart;
@@ -16,7 +16,6 @@ use crate::pipeline::mesh::{PLACES_MAX, PartPlan};
 use crate::pipeline::open_ground;
 use crate::pipeline::stack::LeftOut;
 use crate::plan::layers::shells::Overhang;
-use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::figures::{Figures, LayerPlace};
 use crate::settings::Settings;
 
@@ -129,9 +128,7 @@ fn all_figures(
 
 fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> Figures {
     let f = &planned.printed.figures;
-    let passes = f.passes as u64;
     let [ground_mm2, swept_mm2] = planned.printed.infill_mm2;
-    let sparse = sparse_figures(f, planned.printed.sparse_mm2);
     let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
     let mut hanging: Vec<LayerPlace> = overhangs(part, planned)
         .map(|(layer, overhang)| LayerPlace {
@@ -150,48 +147,25 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
         z_mm: top_mm(left_out.layer),
         area_mm2: left_out.area_mm2,
     });
-    let place = |run: &UnreachableRun| {
-        let at = nalgebra::center(&run.from, &run.to);
-        [at.x, at.y, run.length_mm()]
-    };
-    let runs = planned.printed.unreachable.iter();
+    let unreachable = &planned.printed.unreachable;
+    let open = planned.printed.open.first();
     Figures {
-        area_mm2: Some(f.area_mm2),
         layers: Some(part.wanted_layers().len() as u64),
         covered_pct_min: Some(f.covered_pct_min),
         overlap_pct_max: Some(f.overlap_pct_max),
-        reachable_pct: Some(f.reachable_pct),
-        covered_pct: Some(f.covered_pct),
-        covered_of_reachable_pct: Some(f.covered_of_reachable_pct),
-        outside_depth_mm: Some(f.outside_depth_mm),
-        overlap_pct: Some(f.overlap_pct),
         kept_out_mm2: (!keep_out.is_empty()).then_some(planned.printed.kept_out_mm2),
         infill_mm2: (ground_mm2 > 0.0).then_some(ground_mm2),
         infill_covered_pct: (ground_mm2 > 0.0).then(|| 100.0 * swept_mm2 / ground_mm2),
         unreachable_mm: Some(planned.printed.unreachable_mm),
-        unreachable_places_mm: Some(runs.map(place).collect()),
-        open_largest_mm2: Some(
-            planned
-                .printed
-                .open
-                .first()
-                .map_or(0.0, |open| open.area_mm2),
-        ),
+        unreachable_places_mm: Some(places_of(unreachable).collect()),
+        open_largest_mm2: Some(open.map_or(0.0, |open| open.area_mm2)),
         overhang_mm2: Some(hanging_mm2),
         overhang_places: Some(hanging),
         left_out_places: Some(left_out.take(PLACES_MAX).collect()),
-        passes: Some(passes),
-        flow_interruptions: Some(passes.saturating_sub(1)),
         outline_crossings: Some(planned.printed.outline_crossings),
-        print_mm: Some(f.print_mm),
         skirt_mm: planned.printed.crowded_loops.map(|_| f.skirt_mm),
-        travel_mm: Some(f.travel_mm),
-        print_s: Some(f.print_s),
-        volume_mm3: Some(f.volume_mm3),
-        heading_travel_rad: Some(f.heading_travel_rad),
-        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
         segments: Some(planned.segments),
-        ..sparse
+        ..shared_figures(f, true, planned.printed.sparse_mm2, None)
     }
 }
 
@@ -249,11 +223,6 @@ fn part_warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
             told.collect::<Vec<_>>().join("; ")
         ));
     }
-    let doubled = planned.printed.doubled_moves;
-    if doubled > 0 {
-        warnings.push(format!(
-            "{doubled} moves had to be slowed as a whole to keep the limits"
-        ));
-    }
+    warnings.extend(doubled_note(planned.printed.doubled_moves));
     warnings
 }
