@@ -21,6 +21,7 @@ pub use sweep::{RISE_HZ_S, Shaken, Sweep};
 
 use crate::input::waypoints::WaypointRun;
 use crate::settings::Settings;
+use error::{machine, usage};
 
 /// Most lines that step a value: more cannot be distinguished on a bed.
 const LINES_MAX: u32 = 41;
@@ -191,8 +192,7 @@ pub fn resonance(
         ("--tilt", asked.tilt_deg.is_some()),
     ];
     if let Some((option, _)) = others.into_iter().find(|(_, given)| *given) {
-        let pattern = "resonance";
-        return Err(CalibrationError::Option { option, pattern });
+        return Err(other_pattern(option, "resonance"));
     }
     let swept = sweep::sweep([asked.from, asked.to], asked.at_mm, settings)?;
     let mut reading = vec![
@@ -205,6 +205,10 @@ pub fn resonance(
     ];
     reading.extend(ringing::shaped_note(settings));
     Ok((swept, reading, ringing::CHANGE))
+}
+
+fn other_pattern(option: &str, pattern: &str) -> CalibrationError {
+    usage!("{option} does not go with the pattern `{pattern}`: it has nothing of that kind")
 }
 
 /// Options that are numbers, and go with the pattern.
@@ -226,24 +230,17 @@ fn check_asked(kind: PatternKind, asked: &Asked) -> Result<(), CalibrationError>
         ),
     ];
     if let Some((option, ..)) = given.iter().find(|(_, given, goes)| *given && !goes) {
-        return Err(CalibrationError::Option {
-            option,
-            pattern: kind.name(),
-        });
+        return Err(other_pattern(option, kind.name()));
     }
     if let Some(lines) = asked.lines.filter(|lines| !(3..=LINES_MAX).contains(lines)) {
-        return Err(CalibrationError::Lines {
-            lines,
-            lines_max: LINES_MAX,
-        });
+        return Err(usage!(
+            "--lines {lines}: write a number from 3 to {LINES_MAX}"
+        ));
     }
-    let in_range = |option, value: Option<f64>, low, high| match value {
-        Some(value) if !(low..=high).contains(&value) => Err(CalibrationError::Range {
-            option,
-            value,
-            low,
-            high,
-        }),
+    let in_range = |option, value: Option<f64>, low: f64, high: f64| match value {
+        Some(value) if !(low..=high).contains(&value) => Err(usage!(
+            "{option} {value}: write a number from {low} to {high}"
+        )),
         _ => Ok(()),
     };
     in_range("--length", asked.length_mm, 5.0, 2000.0)?;
@@ -267,7 +264,13 @@ fn centred_mm(lines: &[Line], settings: &Settings) -> Result<[f64; 3], Calibrati
     }
     let area_mm = [high[0] - low[0], high[1] - low[1]];
     if sizes_mm[0] > area_mm[0] || sizes_mm[1] > area_mm[1] {
-        return Err(CalibrationError::Area { sizes_mm, area_mm });
+        return Err(machine!(
+            "the pattern is {:.0} x {:.0} mm, the work area {} x {} mm: lay shorter lines (--length) or fewer (--lines)",
+            sizes_mm[0],
+            sizes_mm[1],
+            area_mm[0],
+            area_mm[1]
+        ));
     }
     Ok(at_mm)
 }
@@ -281,12 +284,9 @@ fn values(
 ) -> Result<Vec<f64>, CalibrationError> {
     let (from, to) = (asked.from.unwrap_or(from), asked.to.unwrap_or(to));
     if !(from < to && from >= low && to <= high) {
-        return Err(CalibrationError::Values {
-            from,
-            to,
-            low,
-            high,
-        });
+        return Err(usage!(
+            "values from {from} to {to}: write --from below --to, both from {low} to {high}"
+        ));
     }
     let lines = asked.lines.unwrap_or(lines);
     let step = (to - from) / f64::from(lines - 1);

@@ -3,6 +3,7 @@
 //! In: the requested pattern, the settings. Out: lines in pattern coordinates (mm, degrees) and instructions.
 //! They are read with a ruler or by comparing neighbours. Not covered: patterns in two halves (`verniers`).
 
+use super::error::machine;
 use super::line::{Line, length_mm, longer_mm, pitch_mm};
 use super::{Asked, CalibrationError, Drawn, values};
 use crate::settings::{PrimeRetract, Settings, joint_names};
@@ -25,7 +26,9 @@ const SLOW_SHARE: f64 = 0.25;
 /// Marks at a known distance along X and Y, a tube of known height and volume.
 pub(super) fn steps(asked: &Asked, settings: &Settings) -> Result<Drawn, CalibrationError> {
     if matches!(settings.machine.kinematics, Kinematics::Arm6 { .. }) {
-        return Err(CalibrationError::ArmSteps);
+        return Err(machine!(
+            "the six joints of an arm are not read off lines one by one: take their steps from gear and motor"
+        ));
     }
     let pitch_mm = pitch_mm(settings);
     let tick_mm = 2.0 * pitch_mm;
@@ -98,7 +101,10 @@ fn tube(centre_mm: [f64; 2], turns: u32, settings: &Settings) -> Line {
 pub(super) fn heading(asked: &Asked, settings: &Settings) -> Result<Drawn, CalibrationError> {
     let aperture = &settings.aperture;
     if aperture.is_round() {
-        return Err(CalibrationError::Round);
+        return Err(machine!(
+            "the aperture is round: it lays the same bead whichever way it is turned; a heading is calibrated \
+             with the nozzle that needs it (--aperture)"
+        ));
     }
     let fan_deg = values(asked, [-30.0, 30.0], 13, [-90.0, 90.0])?;
     let endless = settings.machine.joints.last();
@@ -198,7 +204,7 @@ pub(super) fn advance(asked: &Asked, settings: &Settings) -> Result<Drawn, Calib
         let mut own = settings.clone();
         own.machine.extruder.pressure_advance_s = value;
         own.check()
-            .map_err(|error| CalibrationError::Machine { value, error })?;
+            .map_err(|error| machine!("with the value {value}: {error}"))?;
         let y_mm = (job as f64 + 1.0) * pitch_mm;
         let places = [
             (0.0, slow_mm_s),
@@ -249,11 +255,17 @@ fn rate_mm3_s(volume_mm3: f64, own_mm3: f64, own_rate_mm3_s: f64) -> f64 {
     }
 }
 
+fn no_volume(key: &str) -> CalibrationError {
+    machine!(
+        "flow.{key} is 0 in the machine file: begin with an estimate, as with 2 mm³ for a small nozzle"
+    )
+}
+
 /// Lines with a prime of their own, after the machine's retract.
 pub(super) fn prime(asked: &Asked, settings: &Settings) -> Result<Drawn, CalibrationError> {
     let own = settings.prime_retract;
     if own.prime_mm3 <= 0.0 {
-        return Err(CalibrationError::NoVolume { key: "prime_mm3" });
+        return Err(no_volume("prime_mm3"));
     }
     let values = values(asked, [0.0, 2.0 * own.prime_mm3], 9, [0.0, 1e4])?;
     let with = |value: f64| PrimeRetract {
@@ -283,10 +295,10 @@ pub(super) fn prime(asked: &Asked, settings: &Settings) -> Result<Drawn, Calibra
 pub(super) fn retract(asked: &Asked, settings: &Settings) -> Result<Drawn, CalibrationError> {
     let own = settings.prime_retract;
     if own.retract_mm3 <= 0.0 {
-        return Err(CalibrationError::NoVolume { key: "retract_mm3" });
+        return Err(no_volume("retract_mm3"));
     }
     if own.prime_mm3 <= 0.0 {
-        return Err(CalibrationError::NoVolume { key: "prime_mm3" });
+        return Err(no_volume("prime_mm3"));
     }
     let values = values(asked, [0.0, 2.0 * own.retract_mm3], 9, [0.0, 1e4])?;
     let mut before_mm3 = own.prime_mm3;

@@ -5,10 +5,10 @@
 //! corner the joint that has just stopped rings across the leg that is printed next. Not covered: the sweep for an
 //! accelerometer (`sweep`).
 
+use super::error::check_linear_joints;
 use super::line::{Line, length_mm, pitch_mm};
 use super::{Asked, CalibrationError, Drawn};
 use crate::settings::Settings;
-use headway_firmware::configuration::Kinematics;
 use headway_firmware::configuration::shaping::ShaperKind;
 
 /// Usual length of a leg, mm: thirty waves of 40 Hz at 80 mm/s.
@@ -22,12 +22,7 @@ const HEADING_DEG: f64 = 45.0;
 
 /// Walls with a corner, in either order of their legs.
 pub(super) fn ringing(asked: &Asked, settings: &Settings) -> Result<Drawn, CalibrationError> {
-    if !matches!(
-        settings.machine.kinematics,
-        Kinematics::Planar | Kinematics::Gantry { .. }
-    ) {
-        return Err(CalibrationError::NoLinearJoints);
-    }
+    check_linear_joints(settings)?;
     let leg_mm = length_mm(asked.length_mm, LEG_MM, settings);
     let inside_mm = 2.0 * pitch_mm(settings);
     let height_mm = settings.layer_height_mm;

@@ -8,9 +8,9 @@
 //! measurement, which is made with an accelerometer or by eye.
 
 use super::CalibrationError;
+use super::error::{check_linear_joints, usage};
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
-use headway_firmware::configuration::Kinematics;
 use headway_protocol::segment::{Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, CHANNELS, Units, to_units};
 use std::f64::consts::TAU;
@@ -74,12 +74,7 @@ pub fn sweep(
     settings: &Settings,
 ) -> Result<Sweep, CalibrationError> {
     let machine = &settings.machine;
-    if !matches!(
-        machine.kinematics,
-        Kinematics::Planar | Kinematics::Gantry { .. }
-    ) {
-        return Err(CalibrationError::NoLinearJoints);
-    }
+    check_linear_joints(settings)?;
     let [low, high] = settings.work_area_mm;
     let middle = |axis: usize| 0.5 * (low[axis] + high[axis]);
     let at_mm = at_mm.unwrap_or([middle(0), middle(1), low[2] + HEIGHT_MM]);
@@ -90,12 +85,12 @@ pub fn sweep(
     let from = from.unwrap_or(USUAL_HZ[0]);
     let to = to.unwrap_or(USUAL_HZ[1].min(highest_hz.floor()));
     if !(from < to && from >= ASKED_HZ[0] && to <= highest_hz) {
-        return Err(CalibrationError::Frequencies {
-            from,
-            to,
-            low: ASKED_HZ[0],
-            high: highest_hz.floor(),
-        });
+        return Err(usage!(
+            "frequencies from {from} to {to} Hz: write --from below --to, both from {} to {} Hz; above that the \
+             acceleration_max of X and Y allows less than a step to and fro",
+            ASKED_HZ[0],
+            highest_hz.floor()
+        ));
     }
     let mut made = Making::at(at_mm);
     let servo_hz = f64::from(machine.servo_hz);

@@ -6,6 +6,7 @@
 //! instead of the true L', the tip of a head that is tilted by theta is off by (L - L') sin(theta), towards the
 //! side of the tilt; the halves are printed with opposite tilts, so that they differ by twice that.
 
+use super::error::machine;
 use super::line::{Line, length_mm, longer_mm, pitch_mm};
 use super::{Asked, CalibrationError, Drawn, one_digit, values};
 use crate::settings::Settings;
@@ -122,12 +123,18 @@ pub(super) fn nozzle(asked: &Asked, settings: &Settings) -> Result<Drawn, Calibr
 
 /// The present length; a machine without one, or with several numbers in its place, is refused.
 fn pivot_length_mm(settings: &Settings) -> Result<f64, CalibrationError> {
-    let several = |kinematics, key| Err(CalibrationError::SeveralNumbers { kinematics, key });
+    let several = |kinematics: &str, key: &str| {
+        Err(machine!(
+            "a {kinematics} machine has no single pivot length: its {key} are several numbers that these lines \
+             do not tell apart; measure them with an indicator on the tip while the axes tilt, until it stands \
+             still"
+        ))
+    };
     match settings.machine.kinematics {
         Kinematics::Gantry { pivot_length_mm } => Ok(pivot_length_mm),
-        Kinematics::Planar => Err(CalibrationError::NoPivot {
-            kinematics: "planar",
-        }),
+        Kinematics::Planar => Err(machine!(
+            "a planar machine has no pivot: this pattern is for heads that tilt (kinematics gantry); leave it out"
+        )),
         Kinematics::Trunnion { .. } => several("trunnion", "centre_mm"),
         Kinematics::Arm6 { .. } => several("arm6", "tool and arm lengths"),
         Kinematics::Axes { .. } => several("axes", "offset_mm"),

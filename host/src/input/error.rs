@@ -5,7 +5,7 @@ use super::waypoints::WaypointError;
 use crate::gcode::GcodeError;
 use crate::geometry::Point2;
 use crate::geometry::validity::ValidityError;
-use crate::mesh::MeshError;
+use crate::text::refusal::Refusal;
 use crate::text::short_number::Short;
 
 /// A place for messages: `(12.345, -3.000) mm`.
@@ -96,7 +96,7 @@ pub enum InputError {
     MeshNotOutline,
     /// Not a closed mesh.
     #[error(transparent)]
-    Mesh(#[from] MeshError),
+    Mesh(#[from] Refusal),
     /// The G-code.
     #[error(transparent)]
     Gcode(#[from] GcodeError),

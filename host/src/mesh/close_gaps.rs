@@ -9,10 +9,10 @@
 //! surface would be a guess.
 
 use super::clean::{clean, odd_edges};
-use super::error::At3;
 use super::half_edges::{Edges, NO_TWIN, ends};
 use super::orient::agree;
-use super::{Mesh, MeshError, Point3, Vector3};
+use super::{Mesh, Point3, Vector3, place};
+use crate::text::refusal::{Refusal, refusal};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// Widest gap that is closed, mm: less than the width of the finest bead, and as in slicers
@@ -42,8 +42,8 @@ pub struct ClosedGaps {
 /// Closes gaps up to [`GAP_MAX_MM`].
 ///
 /// # Errors
-/// [`MeshError::Open`] with the largest remaining hole.
-pub(super) fn close_gaps(mesh: &mut Mesh) -> Result<ClosedGaps, MeshError> {
+/// A [`Refusal`] with the largest remaining hole.
+pub(super) fn close_gaps(mesh: &mut Mesh) -> Result<ClosedGaps, Refusal> {
     let mut closed = ClosedGaps::default();
     for gap_mm in ROUNDS.map(|share| share * GAP_MAX_MM) {
         let open = odd_edges(&mesh.triangles);
@@ -336,7 +336,7 @@ fn close_short_edges(mesh: &mut Mesh, gap_max_mm: f64, closed: &mut ClosedGaps) 
 type Hole = Vec<u32>;
 
 /// Zips up the remaining holes.
-fn fill(mesh: &mut Mesh, closed: &mut ClosedGaps) -> Result<(), MeshError> {
+fn fill(mesh: &mut Mesh, closed: &mut ClosedGaps) -> Result<(), Refusal> {
     let holes = holes(mesh, &open_half_edges(mesh));
     let mut refused: Vec<Hole> = Vec::new();
     for hole in holes {
@@ -360,12 +360,15 @@ fn fill(mesh: &mut Mesh, closed: &mut ClosedGaps) -> Result<(), MeshError> {
         return Ok(());
     };
     let [low, high] = hole_box(mesh, largest);
-    Err(MeshError::Open {
-        holes: refused.len(),
-        size_mm: size_mm(largest),
-        edges: largest.len(),
-        at: At3(nalgebra::center(&low, &high)),
-    })
+    Err(refusal!(
+        "the surface is open in {} place{}: the largest hole is {:.3} mm across, of {} edges near {}; gaps up to \
+         {GAP_MAX_MM} mm are closed, this one is wider: close it in the CAD program, or let a mesh tool fill it",
+        refused.len(),
+        if refused.len() == 1 { "" } else { "s" },
+        size_mm(largest),
+        largest.len(),
+        place(nalgebra::center(&low, &high))
+    ))
 }
 
 fn hole_box(mesh: &Mesh, hole: &Hole) -> [Point3; 2] {

@@ -8,11 +8,12 @@
 
 use super::read::bounds_mm;
 use super::slice::{Section, Slicer};
-use super::{Carved, Mesh, MeshError};
+use super::{Carved, Mesh};
 use crate::geometry::boolean::{difference, filled};
 use crate::geometry::polygon::Region;
 use crate::geometry::repair::FillRule;
 use crate::settings::LAYERS_MAX;
+use crate::text::refusal::{Refusal, refusal};
 use crate::text::short_number::Short;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -41,13 +42,13 @@ impl LayerHeights {
     /// with it.
     ///
     /// # Errors
-    /// [`MeshError::LayerHeight`] and [`MeshError::RangeInFirstLayer`].
+    /// A [`Refusal`] with the option.
     pub fn of(
         layer_mm: f64,
         first_mm: Option<f64>,
         ranges: Vec<HeightRange>,
         range: Option<[u32; 2]>,
-    ) -> Result<LayerHeights, MeshError> {
+    ) -> Result<LayerHeights, Refusal> {
         check_height("--layer-height", layer_mm)?;
         let lowest = ranges.first().filter(|range| range.from_mm <= 0.0);
         let of_others_mm = lowest.map_or(layer_mm, |range| range.fitted_mm(range.to_mm));
@@ -55,7 +56,10 @@ impl LayerHeights {
         check_height("--first-layer-height", first_mm)?;
         if let Some(range) = ranges.first().filter(|range| range.to_mm <= first_mm) {
             let to_mm = range.to_mm;
-            return Err(MeshError::RangeInFirstLayer { to_mm, first_mm });
+            return Err(refusal!(
+                "--layer-heights: the range up to {to_mm} mm lies in the first layer, which is {first_mm} mm high: leave it \
+                 out or give a smaller --first-layer-height"
+            ));
         }
         Ok(LayerHeights {
             first_mm,
@@ -69,11 +73,15 @@ impl LayerHeights {
 /// Refuses a height that layers cannot have.
 ///
 /// # Errors
-/// [`MeshError::LayerHeight`], with the option.
-pub fn check_height(option: &'static str, height_mm: f64) -> Result<(), MeshError> {
+/// A [`Refusal`] with the option.
+pub fn check_height(option: &'static str, height_mm: f64) -> Result<(), Refusal> {
     match (LAYER_MM[0]..=LAYER_MM[1]).contains(&height_mm) {
         true => Ok(()),
-        false => Err(MeshError::LayerHeight { option, height_mm }),
+        false => Err(refusal!(
+            "{option} {height_mm}: write a height of {} to {} mm",
+            LAYER_MM[0],
+            LAYER_MM[1]
+        )),
     }
 }
 
@@ -260,7 +268,7 @@ impl LayerHeights {
 ///
 /// # Errors
 /// If it has no layer, too many, or none in the range.
-pub fn sliced(mesh: &Mesh, heights: &LayerHeights) -> Result<SlicedPart, MeshError> {
+pub fn sliced(mesh: &Mesh, heights: &LayerHeights) -> Result<SlicedPart, Refusal> {
     sliced_carved(mesh, &[], heights)
 }
 
@@ -272,7 +280,7 @@ pub fn sliced_carved(
     mesh: &Mesh,
     carved: &[Carved],
     heights: &LayerHeights,
-) -> Result<SlicedPart, MeshError> {
+) -> Result<SlicedPart, Refusal> {
     let solids = carved.iter().map(|carved| &carved.solid);
     let [low, high] = bounds_mm(std::iter::once(mesh).chain(solids));
     let height_mm = high.z - low.z;
@@ -280,20 +288,25 @@ pub fn sliced_carved(
     let layers: f64 = bands.iter().map(|band| band.layers).sum();
     if height_mm - HAIR_MM <= heights.first_mm / 2.0 || layers < 1.0 {
         let first_mm = heights.first_mm;
-        return Err(MeshError::NoLayer {
-            height_mm,
-            first_mm,
-        });
+        return Err(refusal!(
+            "the part is {height_mm:.4} mm high, less than half of its first layer of {first_mm} mm: \
+             turn it (--rotate), or give a smaller --layer-height"
+        ));
     }
     if layers > f64::from(LAYERS_MAX) {
         let layer_mm = bands.iter().map(|band| band.layer_mm);
         let layer_mm = layer_mm.fold(heights.layer_mm, f64::min);
-        return Err(MeshError::TooManyLayers { layers, layer_mm });
+        return Err(refusal!(
+            "{layers:.0} layers of {layer_mm} mm, more than {LAYERS_MAX}: give a larger --layer-height, \
+             or check the units (--units)"
+        ));
     }
     let layers = layers as u32;
     let [from, to] = heights.range.unwrap_or([1, layers]);
     if from < 1 || from > to || from > layers {
-        return Err(MeshError::NoSuchLayer { from, to, layers });
+        return Err(refusal!(
+            "--layer-range {from}-{to}: the part has layers 1 to {layers}"
+        ));
     }
     let wanted = (from - 1)..to.min(layers);
     let layers_mm = bands.iter();
@@ -307,7 +320,10 @@ pub fn sliced_carved(
     let sections = carved_sections(mesh, carved, &middles);
     if !carved.is_empty() && sections[0].regions.is_empty() {
         let first_mm = layers_mm[0][1];
-        return Err(MeshError::NothingLowest { first_mm });
+        return Err(refusal!(
+            "the negative volumes leave nothing of the first layer, {first_mm} mm high, at the part's lowest \
+             point: move them up, or cut the part there and lay it on the bed before the export"
+        ));
     }
     let notes = heights.note(&bands).into_iter();
     let notes = notes.chain(overlap_note(&sections, &middles)).collect();
@@ -327,7 +343,9 @@ pub fn sliced_carved(
     };
     let is_empty = |layer: &TargetLayer| layer.regions.is_empty();
     if part.wanted_layers().iter().all(is_empty) {
-        return Err(MeshError::NothingInside { from, to });
+        return Err(refusal!(
+            "there is nothing inside the mesh on layers {from} to {to}: choose other ones"
+        ));
     }
     Ok(part)
 }

@@ -15,7 +15,6 @@
 
 mod clean;
 pub mod close_gaps;
-pub mod error;
 mod half_edges;
 pub mod height_map;
 pub mod layers;
@@ -35,7 +34,6 @@ mod test_meshes;
 #[cfg(test)]
 mod tests;
 
-pub use error::MeshError;
 pub use read::{LoadedMesh, MeshFormat, MeshOptions, TRIANGLES_MAX, read, read_surface};
 pub use surface_region::SurfaceRegion;
 
@@ -102,4 +100,9 @@ fn volume_mm3(mesh: &Mesh, triangles: impl IntoIterator<Item = usize>) -> f64 {
         a.dot(&b.cross(&c)) / 6.0
     };
     triangles.map(volume_mm3).sum()
+}
+
+/// A place for messages.
+fn place(at: Point3) -> String {
+    format!("({:.3}, {:.3}, {:.3}) mm", at.x, at.y, at.z)
 }

@@ -6,8 +6,9 @@
 //! Source: the specification of the Alias/Wavefront "Object Files" (B1), 3.0.
 
 use super::read::{RawMesh, syntax};
-use super::{Mesh, MeshError, Point3};
+use super::{Mesh, Point3};
 use crate::text::plain::plain;
+use crate::text::refusal::Refusal;
 use std::collections::BTreeMap;
 
 /// Most corners of a face that is not convex and is divided by its shape: each costs a look at all others.
@@ -28,7 +29,7 @@ struct Reader {
 }
 
 /// Reads all faces.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
+pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Refusal> {
     let text = plain(bytes);
     let text = String::from_utf8_lossy(&text);
     let mut reader = Reader::default();
@@ -49,7 +50,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     reader.mesh()
 }
 
-fn problem(line: usize, what: &str) -> MeshError {
+fn problem(line: usize, what: &str) -> Refusal {
     syntax("OBJ", format!("line {line}: {what}; export it again"))
 }
 
@@ -109,7 +110,7 @@ impl Reader {
         usize::try_from(number).map_err(|_| format!("the corner '{word}' is out of bounds"))
     }
 
-    fn mesh(self) -> Result<RawMesh, MeshError> {
+    fn mesh(self) -> Result<RawMesh, Refusal> {
         let mut mesh = Mesh::default();
         let mut number_of = vec![u32::MAX; self.vertices.len()];
         let mut colours = Vec::new();

@@ -2,10 +2,10 @@
 
 use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
-use super::error::At3;
 use super::orient::{Reoriented, orient};
 use super::surface_region::SurfaceRegion;
-use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
+use super::{Carved, Mesh, Point3, obj, stl, threemf};
+use crate::text::refusal::{Refusal, refusal};
 use crate::text::short_number::Short;
 
 pub(super) use super::raw_mesh::RawMesh;
@@ -67,20 +67,44 @@ pub struct LoadedMesh {
     pub notes: Vec<String>,
 }
 
-pub(super) fn syntax(format: &'static str, problem: String) -> MeshError {
-    MeshError::Syntax { format, problem }
+pub(super) fn syntax(format: &'static str, problem: String) -> Refusal {
+    refusal!("not a readable {format} file: {problem}")
+}
+
+/// More triangles than can be sliced in reasonable memory.
+pub(super) fn too_many(triangles: usize) -> Refusal {
+    refusal!(
+        "{triangles} triangles, more than {TRIANGLES_MAX}: export with a coarser tolerance, 0.01 mm \
+         is finer than any bead"
+    )
+}
+
+/// A triangle of a vertex that the file does not have; both are counted from 0.
+pub(super) fn no_vertex(triangle: usize, vertex: usize, vertices: usize) -> Refusal {
+    refusal!(
+        "triangle {triangle} (counted from 0) names vertex {vertex} of {vertices}: the file is \
+         damaged, export it once more"
+    )
+}
+
+/// Nothing is left of so many triangles once what encloses nothing is gone.
+fn nothing_enclosed(triangles: usize) -> Refusal {
+    refusal!(
+        "all of its {triangles} triangles lie flat on each other and enclose nothing: export a \
+         solid, not a surface"
+    )
 }
 
 /// Reads a mesh and closes it. `name` is used if the file has none.
 ///
 /// # Errors
-/// [`MeshError`] with the place.
+/// A [`Refusal`] with the place.
 pub fn read(
     bytes: &[u8],
     name: &str,
     format: MeshFormat,
     options: &MeshOptions,
-) -> Result<LoadedMesh, MeshError> {
+) -> Result<LoadedMesh, Refusal> {
     let raw = read_raw(bytes, format, options, false)?;
     let triangles = raw.triangles();
     let is_without_unit = format != MeshFormat::ThreeMf
@@ -108,11 +132,11 @@ pub fn read(
                     cut: closing.close(cut)?,
                 })
             })
-            .collect::<Result<_, MeshError>>()?,
+            .collect::<Result<_, Refusal>>()?,
         notes: Vec::new(),
     };
     if loaded.solids().all(|mesh| mesh.triangles.is_empty()) {
-        return Err(MeshError::NothingEnclosed { triangles });
+        return Err(nothing_enclosed(triangles));
     }
     let mut notes = closing.told();
     notes.extend(unit_note(&loaded).filter(|_| is_without_unit));
@@ -184,7 +208,7 @@ struct Mended {
 }
 
 impl Closing {
-    fn close(&mut self, mesh: Mesh) -> Result<Mesh, MeshError> {
+    fn close(&mut self, mesh: Mesh) -> Result<Mesh, Refusal> {
         let mut mesh = with_shared_vertices(&mesh);
         let Cleaned {
             collapsed,
@@ -229,13 +253,13 @@ impl Closing {
 /// surface.
 ///
 /// # Errors
-/// [`MeshError`] with the place.
+/// A [`Refusal`] with the place.
 pub fn read_surface(
     bytes: &[u8],
     format: MeshFormat,
     options: &MeshOptions,
     region: Option<&SurfaceRegion>,
-) -> Result<Mesh, MeshError> {
+) -> Result<Mesh, Refusal> {
     let mut raw = read_raw(bytes, format, options, region.is_some())?;
     if let Some(region) = region {
         raw.keep(region)?;
@@ -247,7 +271,7 @@ pub fn read_surface(
     let mut mesh = with_shared_vertices(&mesh);
     clean(&mut mesh);
     match mesh.triangles.is_empty() {
-        true => Err(MeshError::NothingEnclosed { triangles }),
+        true => Err(nothing_enclosed(triangles)),
         false => Ok(mesh),
     }
 }
@@ -258,7 +282,7 @@ fn read_raw(
     format: MeshFormat,
     options: &MeshOptions,
     with_names: bool,
-) -> Result<RawMesh, MeshError> {
+) -> Result<RawMesh, Refusal> {
     let mut raw = match format {
         MeshFormat::Stl => stl::read(bytes)?,
         MeshFormat::ThreeMf => threemf::read(bytes, with_names)?,
@@ -279,7 +303,9 @@ fn read_raw(
         }
     }
     if triangles == 0 {
-        return Err(MeshError::Empty);
+        return Err(refusal!(
+            "there is no triangle in it: export the solid as a mesh once more"
+        ));
     }
     check_size(raw.solids())?;
     Ok(raw)
@@ -287,7 +313,7 @@ fn read_raw(
 
 impl RawMesh {
     /// Leaves only the triangles of a region.
-    fn keep(&mut self, region: &SurfaceRegion) -> Result<(), MeshError> {
+    fn keep(&mut self, region: &SurfaceRegion) -> Result<(), Refusal> {
         let mut is_named = vec![false; self.mesh.triangles.len()];
         if let SurfaceRegion::Group(name) = region {
             let own = self.groups.iter().filter(|(own, _)| own == name);
@@ -316,9 +342,13 @@ impl RawMesh {
             known.sort_unstable();
             known.dedup();
             known.truncate(GROUPS_TOLD);
-            return Err(MeshError::NoSuchRegion {
-                groups: known.join(", "),
-            });
+            let groups = match known.is_empty() {
+                true => "none".to_string(),
+                false => known.join(", "),
+            };
+            return Err(refusal!(
+                "no triangle of the surface is in the requested region; its groups: {groups}"
+            ));
         }
         self.mesh.triangles = meant;
         self.carved.clear();
@@ -361,31 +391,32 @@ fn turns(rotate_rad: [f64; 3]) -> Vec<impl Fn(Point3) -> Point3> {
 
 /// Checks the corners of a mesh of a file, of which the first triangles, as many as given, were
 /// checked before.
-fn check_numbers(mesh: &Mesh, before: usize) -> Result<(), MeshError> {
+fn check_numbers(mesh: &Mesh, before: usize) -> Result<(), Refusal> {
     let triangles = before + mesh.triangles.len();
     if triangles > TRIANGLES_MAX {
-        return Err(MeshError::TooMany { triangles });
+        return Err(too_many(triangles));
     }
     for (triangle, vertices) in mesh.triangles.iter().enumerate() {
         let triangle = before + triangle;
         for &vertex in vertices {
             let Some(p) = mesh.vertices.get(vertex as usize) else {
-                return Err(MeshError::NoSuchVertex {
-                    triangle,
-                    vertex: vertex as usize,
-                    vertices: mesh.vertices.len(),
-                });
+                return Err(no_vertex(triangle, vertex as usize, mesh.vertices.len()));
             };
             if !p.coords.iter().all(|x| x.is_finite()) {
-                let corner = [p.x, p.y, p.z];
-                return Err(MeshError::NotFinite { triangle, corner });
+                return Err(refusal!(
+                    "a corner of triangle {triangle} (counted from 0) is ({}, {}, {}), which is no place: \
+                     export the mesh once more",
+                    Short(p.x),
+                    Short(p.y),
+                    Short(p.z)
+                ));
             }
         }
     }
     Ok(())
 }
 
-fn check_size<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<(), MeshError> {
+fn check_size<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<(), Refusal> {
     let used = meshes.flat_map(|mesh| {
         let used = mesh.triangles.iter().flatten();
         used.map(|&vertex| mesh.vertices[vertex as usize])
@@ -397,23 +428,32 @@ fn check_size<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<(), MeshErro
     let [low, high] = used.bounds_mm();
     let size_mm: [f64; 3] = (high - low).into();
     if !size_mm.iter().all(|&size| size <= SIZE_MAX_MM) {
-        return Err(MeshError::TooBig { size_mm });
+        return Err(refusal!(
+            "the part is {} x {} x {} mm, larger than {SIZE_MAX_MM} mm: check its units (--units) or \
+             give --scale",
+            Short(size_mm[0]),
+            Short(size_mm[1]),
+            Short(size_mm[2])
+        ));
     }
     if size_mm.iter().all(|&size| size < SIZE_MIN_MM) {
-        return Err(MeshError::TooSmall {
-            size: size_text(size_mm),
-            metres: size_text(size_mm.map(|mm| 1000.0 * mm)),
-        });
+        return Err(refusal!(
+            "the part is {} mm, smaller than {SIZE_MIN_MM} mm: check its units (in metres, --units m, it \
+             is {} mm) or give --scale",
+            size_text(size_mm),
+            size_text(size_mm.map(|mm| 1000.0 * mm))
+        ));
     }
     check_place(nalgebra::center(&low, &high))
 }
 
-fn check_place(at: Point3) -> Result<(), MeshError> {
+fn check_place(at: Point3) -> Result<(), Refusal> {
     match at.coords.amax() > FAR_MAX_MM {
-        true => Err(MeshError::TooFar {
-            at: At3(at),
-            max_mm: FAR_MAX_MM,
-        }),
+        true => Err(refusal!(
+            "the part lies around {}, farther than {} mm from the origin: move it closer before the export",
+            super::place(at),
+            Short(FAR_MAX_MM)
+        )),
         false => Ok(()),
     }
 }

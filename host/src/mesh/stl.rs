@@ -7,8 +7,9 @@
 //! solids, some binary files begin with `solid` or state no count; and messages give the line.
 
 use super::read::{RawMesh, syntax};
-use super::{Mesh, MeshError, Point3};
+use super::{Mesh, Point3};
 use crate::text::plain::plain;
+use crate::text::refusal::Refusal;
 
 const FORMAT: &str = "STL";
 /// Header and count of a binary file, and one triangle, bytes.
@@ -16,7 +17,7 @@ const BINARY_HEAD: usize = 84;
 const BINARY_TRIANGLE: usize = 50;
 
 /// Reads all triangles, corners unshared.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
+pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Refusal> {
     // Some programs begin binary files with `solid` as well: the length decides.
     let is_whole = binary_bytes(bytes) == Some(bytes.len());
     let text = plain(bytes);
@@ -44,7 +45,7 @@ impl Mesh {
 }
 
 /// All triangles of a binary file, and a note where its count is not theirs: some programs never go back to write it.
-fn binary(bytes: &[u8]) -> Result<(Mesh, Option<String>), MeshError> {
+fn binary(bytes: &[u8]) -> Result<(Mesh, Option<String>), Refusal> {
     let stated = check_length(bytes)?;
     let (whole, rest) = bytes[BINARY_HEAD..].as_chunks::<BINARY_TRIANGLE>();
     let numbers = |triangle: &[u8; BINARY_TRIANGLE]| -> [[f32; 3]; 3] {
@@ -81,7 +82,7 @@ fn binary(bytes: &[u8]) -> Result<(Mesh, Option<String>), MeshError> {
 }
 
 /// All solids of a text; names and normals are ignored.
-fn ascii(text: &str) -> Result<Mesh, MeshError> {
+fn ascii(text: &str) -> Result<Mesh, Refusal> {
     let mut mesh = Mesh::default();
     let mut corners: Vec<[f32; 3]> = Vec::new();
     let mut is_open = false;
@@ -142,7 +143,7 @@ fn binary_bytes(bytes: &[u8]) -> Option<usize> {
 }
 
 /// The stated number of triangles; tells of a binary file that is cut.
-fn check_length(bytes: &[u8]) -> Result<usize, MeshError> {
+fn check_length(bytes: &[u8]) -> Result<usize, Refusal> {
     let ends = bytes.len();
     let Some(stated) = binary_bytes(bytes) else {
         let problem = format!("it has {ends} bytes and no `solid` in front; export it again");

@@ -14,7 +14,8 @@ use crate::plan::progress::Stopped;
 use crate::plan::route::lean::LeanError;
 use crate::plan::route::travel::TravelError;
 use crate::plan::route::waypoint_curve::WaypointCurveError;
-use crate::settings::{Settings, SettingsError};
+use crate::settings::Settings;
+use crate::text::refusal::Refusal;
 
 /// Why a target cannot be planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -24,7 +25,7 @@ pub enum PlanError {
     Stopped(#[from] Stopped),
     /// The settings.
     #[error(transparent)]
-    Settings(#[from] SettingsError),
+    Settings(#[from] Refusal),
     /// The outline.
     #[error(transparent)]
     Contour(#[from] ContourError),

@@ -1,13 +1,14 @@
 //! Are the settings possible, and possible together?
 
 use super::drivers::check_drivers;
-use super::error::SettingsError;
 use super::groups::{
     ExtruderKeys, FlowKeys, InfillKeys, MELT_SPEED_RANGE, MaterialKeys, PrintKeys, STEPS_RANGE,
     SkirtKeys, TolerancesKeys,
 };
 use super::heat::wrong_heater;
 use super::{AXIS_TOLERANCE_MAX_DEG, Settings, TILT_MAX_ASKED_DEG, kinds, wide_beads};
+use crate::text::refusal::{Refusal, refusal};
+use crate::text::short_number::Short;
 use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
@@ -112,7 +113,7 @@ pub(crate) fn kinematics_name(kinematics: &Kinematics) -> &'static str {
 
 impl Settings {
     /// Everything in range and nothing at odds; call it after the last override.
-    pub fn check(&self) -> Result<(), SettingsError> {
+    pub fn check(&self) -> Result<(), Refusal> {
         self.check_name()?;
         self.check_joints()?;
         self.check_extruder()?;
@@ -121,10 +122,11 @@ impl Settings {
         self.check_process()?;
         self.check_flow()?;
         self.check_heat()?;
-        Ok(self.machine.check()?)
+        let can = self.machine.check();
+        can.map_err(|error| refusal!("the controller cannot run this machine: {error}"))
     }
 
-    fn check_name(&self) -> Result<(), SettingsError> {
+    fn check_name(&self) -> Result<(), Refusal> {
         let name = &self.machine_name;
         let chars = name.chars().count();
         let problem = if chars > NAME_CHARS_MAX {
@@ -134,18 +136,21 @@ impl Settings {
         } else {
             return Ok(());
         };
-        Err(SettingsError::Name { problem })
+        Err(refusal!(
+            "the machine's name has {problem}: give it up to {NAME_CHARS_MAX} printable characters"
+        ))
     }
 
-    fn check_joints(&self) -> Result<(), SettingsError> {
+    fn check_joints(&self) -> Result<(), Refusal> {
         let machine = &self.machine;
         let names = joint_names(&machine.kinematics);
         if names.len() != machine.joints.len() {
-            return Err(SettingsError::JointCount {
-                kinematics: kinematics_name(&machine.kinematics),
-                needed: names.len(),
-                given: machine.joints.len(),
-            });
+            return Err(refusal!(
+                "kinematics {} has {} joints, but {} are given",
+                kinematics_name(&machine.kinematics),
+                names.len(),
+                machine.joints.len()
+            ));
         }
         if let Kinematics::Gantry { pivot_length_mm } = machine.kinematics {
             in_range("pivot_length_mm", pivot_length_mm, 0.0, 10_000.0)?;
@@ -173,11 +178,11 @@ impl Settings {
                 || joint.position_min.is_nan()
                 || joint.position_max.is_nan()
             {
-                return Err(SettingsError::EmptyRange {
-                    key: key("position"),
-                    low: joint.position_min,
-                    high: joint.position_max,
-                });
+                return Err(empty_range(
+                    &key("position"),
+                    joint.position_min,
+                    joint.position_max,
+                ));
             }
             let most = if joint.rotary {
                 POSITION_MAX_RAD
@@ -192,7 +197,7 @@ impl Settings {
         Ok(())
     }
 
-    fn check_extruder(&self) -> Result<(), SettingsError> {
+    fn check_extruder(&self) -> Result<(), Refusal> {
         let e = &self.machine.extruder;
         ExtruderKeys::check(e)?;
         rises(
@@ -204,38 +209,40 @@ impl Settings {
         )
     }
 
-    fn check_step_rates(&self) -> Result<(), SettingsError> {
+    fn check_step_rates(&self) -> Result<(), Refusal> {
         let machine = &self.machine;
         let (servo_hz, step_hz) = (machine.servo_hz, machine.step_hz);
         let ticks = step_hz.checked_div(servo_hz).unwrap_or(0);
         let fits = (INTERVAL_TICKS_MIN..=INTERVAL_TICKS_MAX).contains(&ticks);
         if !fits || !step_hz.is_multiple_of(servo_hz) {
-            return Err(SettingsError::TickRates { servo_hz, step_hz });
+            return Err(refusal!(
+                "step_hz = {step_hz} must be a whole multiple of servo_hz = {servo_hz}, \
+                 {INTERVAL_TICKS_MIN} to {INTERVAL_TICKS_MAX} times"
+            ));
         }
         in_range("servo_hz", f64::from(servo_hz), 500.0, 20_000.0)?;
         in_range("step_hz", f64::from(step_hz), 10_000.0, 2_000_000.0)?;
         for (motor, rate_hz) in motor_rates_hz(machine) {
             if rate_hz > STEP_RATE_SHARE_MAX * f64::from(step_hz) {
-                return Err(SettingsError::StepRate {
-                    motor,
-                    rate_hz,
-                    step_hz,
-                });
+                return Err(refusal!(
+                    "{motor} makes {rate_hz:.0} steps/s at its top speed, more than 90 % of step_hz = {step_hz}: \
+                     lower its speed_max or its steps (microsteps), or raise step_hz"
+                ));
             }
         }
         Ok(())
     }
 
-    fn check_work_area(&self) -> Result<(), SettingsError> {
+    fn check_work_area(&self) -> Result<(), Refusal> {
         let [low, high] = self.work_area_mm;
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             let size = high[axis] - low[axis];
             if size.is_nan() || size <= 0.0 || size > LENGTH_MAX_MM {
-                return Err(SettingsError::EmptyRange {
-                    key: format!("work_area {name}"),
-                    low: low[axis],
-                    high: high[axis],
-                });
+                return Err(empty_range(
+                    &format!("work_area {name}"),
+                    low[axis],
+                    high[axis],
+                ));
             }
             let joint = &self.machine.joints[axis];
             // Of an arm no joint is an axis, and a polar table has all around it what X has on one side: what they
@@ -244,13 +251,13 @@ impl Settings {
                 matches!(&self.machine.kinematics, Kinematics::Axes { axes, .. } if axes.polar);
             let is_axis = !(joint.rotary || polar && axis < 2);
             if is_axis && (low[axis] < joint.position_min || high[axis] > joint.position_max) {
-                return Err(SettingsError::WorkArea {
-                    axis: name,
-                    low: low[axis],
-                    high: high[axis],
-                    min: joint.position_min,
-                    max: joint.position_max,
-                });
+                return Err(refusal!(
+                    "work_area {name} runs from {} to {} mm, beyond the joint's range {} to {} mm",
+                    low[axis],
+                    high[axis],
+                    joint.position_min,
+                    joint.position_max
+                ));
             }
         }
         Ok(())
@@ -266,7 +273,7 @@ impl Settings {
         }
     }
 
-    fn check_process(&self) -> Result<(), SettingsError> {
+    fn check_process(&self) -> Result<(), Refusal> {
         let (major, minor) = (self.aperture.major_mm(), self.aperture.minor_mm());
         in_range("print.aperture (long size)", 2.0 * major, 0.02, 1000.0)?;
         in_range(
@@ -276,10 +283,12 @@ impl Settings {
             2.0 * major,
         )?;
         if self.layer_height_mm > 2.0 * major {
-            return Err(SettingsError::HighLayers {
-                height_mm: self.layer_height_mm,
-                widest_mm: 2.0 * major,
-            });
+            return Err(refusal!(
+                "print.layer_height_mm (--layer-height) is {}, but a bead of this aperture is at most {} mm wide: give lower \
+                 layers, or a wider nozzle (--aperture; sizes are full ones, in mm)",
+                Short(self.layer_height_mm),
+                Short(2.0 * major)
+            ));
         }
         PrintKeys::check(self)?;
         kinds::check(self)?;
@@ -300,13 +309,15 @@ impl Settings {
     }
 
     /// What runs of waypoints may leave their corners by.
-    fn check_corners(&self) -> Result<(), SettingsError> {
+    fn check_corners(&self) -> Result<(), Refusal> {
         let (corner_mm, widest_mm) = (self.tolerances.corner_mm, 2.0 * self.aperture.major_mm());
         if !(0.0..=widest_mm).contains(&corner_mm) {
-            return Err(SettingsError::CornerTolerance {
-                given_mm: corner_mm,
-                widest_mm,
-            });
+            return Err(refusal!(
+                "--corner-tolerance {} (tolerances.corner_mm): write a length in mm from 0, which leaves corners as they \
+                 are, to {}, the widest bead of this aperture; 0.2 is usual",
+                Short(corner_mm),
+                Short(widest_mm)
+            ));
         }
         if let Some(tilt_rad) = self.tilt_max_rad {
             in_range("--tilt-max", tilt_rad.to_degrees(), 0.0, TILT_MAX_ASKED_DEG)?;
@@ -321,17 +332,24 @@ impl Settings {
         )
     }
 
-    fn check_heat(&self) -> Result<(), SettingsError> {
+    fn check_heat(&self) -> Result<(), Refusal> {
         if let Some(material) = &self.material {
             MaterialKeys::check(material)?;
         }
         let wrong = self.heaters.as_ref().and_then(wrong_heater);
-        wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))?;
+        if let Some(key) = wrong {
+            return Err(refusal!(
+                "heaters.{key}: a number is not finite, negative, or above 500 °C"
+            ));
+        }
         // None of the firmware's boards counts them: the fan would always be stalled.
         let tells = self.heaters.as_ref().is_some_and(|of| of.fan_tells_turns);
         if let (true, Some(board)) = (tells, self.board) {
             let board = board.text();
-            return Err(SettingsError::FanTurns { board });
+            return Err(refusal!(
+                "heaters.fan_tells_turns: the firmware of {board} counts no pulses of a fan, which would count as stalled: \
+                 leave the key out"
+            ));
         }
         check_drivers(&self.drivers, &self.machine)?;
         self.check_heading_motor()?;
@@ -340,7 +358,7 @@ impl Settings {
         self.check_wiring()
     }
 
-    fn check_flow(&self) -> Result<(), SettingsError> {
+    fn check_flow(&self) -> Result<(), Refusal> {
         FlowKeys::check(self)?;
         let carried_mm3_s =
             self.span_volume_mm3() / SPAN_TICKS_MIN * f64::from(self.machine.servo_hz);
@@ -361,12 +379,11 @@ impl Settings {
             ("flow.flow_max_mm3_s", self.flow_max_mm3_s),
         ] {
             if value > limit {
-                return Err(SettingsError::Beyond {
-                    key,
-                    value,
-                    limit_key: "extruder.speed_max_mm3_s times plan_share",
-                    limit,
-                });
+                return Err(refusal!(
+                    "{key} is {}, more than the {} of extruder.speed_max_mm3_s times plan_share",
+                    Short(value),
+                    Short(limit)
+                ));
             }
         }
         rises(
@@ -405,45 +422,56 @@ pub fn motor_rates_hz(machine: &MachineConfiguration) -> Vec<(String, f64)> {
 }
 
 /// Checks that a number is greater than 0 and within what is sensible.
-pub(super) fn sensible(key: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), SettingsError> {
+pub(super) fn sensible(key: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), Refusal> {
     positive(key, value)?;
     in_range(key, value, low, high)
 }
 
-fn positive(key: &str, value: f64) -> Result<(), SettingsError> {
+fn empty_range(key: &str, low: f64, high: f64) -> Refusal {
+    refusal!(
+        "{key}: the lower end {} must be below the upper end {}",
+        Short(low),
+        Short(high)
+    )
+}
+
+fn positive(key: &str, value: f64) -> Result<(), Refusal> {
     if value.is_finite() && value > 0.0 {
         return Ok(());
     }
-    Err(SettingsError::NotPositive {
-        key: key.to_string(),
-        value,
-    })
+    Err(refusal!(
+        "{key} is {}, but must be finite and greater than 0",
+        Short(value)
+    ))
 }
 
 /// Checks that a rate of change reaches its quantity's limit within [`RISE_MAX_S`]; each with its key.
-fn rises(keys: [&str; 2], [change, reached]: [f64; 2]) -> Result<(), SettingsError> {
+fn rises(keys: [&str; 2], [change, reached]: [f64; 2]) -> Result<(), Refusal> {
     let rise_s = reached / change;
     if rise_s <= RISE_MAX_S {
         return Ok(());
     }
-    let [key, of] = keys.map(str::to_string);
-    Err(SettingsError::SlowRise { key, of, rise_s })
+    let [key, of] = keys;
+    Err(refusal!(
+        "{key} is so low that it takes {rise_s:.0} s to reach {of}, more than {RISE_MAX_S} s: raise \
+         the one or lower the other"
+    ))
 }
 
-pub(super) fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingsError> {
+pub(super) fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(), Refusal> {
     if value.is_nan() || value < low {
-        return Err(SettingsError::TooSmall {
-            key: key.to_string(),
-            value,
-            low,
-        });
+        return Err(refusal!(
+            "{key} is {}, but must be at least {}",
+            Short(value),
+            Short(low)
+        ));
     }
     if value > high {
-        return Err(SettingsError::TooLarge {
-            key: key.to_string(),
-            value,
-            high,
-        });
+        return Err(refusal!(
+            "{key} is {}, but must be at most {}",
+            Short(value),
+            Short(high)
+        ));
     }
     Ok(())
 }
@@ -525,20 +553,9 @@ mod tests {
             change(&mut settings, 1.01 / RISE_MAX_S);
             settings.check().expect(key);
             change(&mut settings, 0.99 / RISE_MAX_S);
-            match settings.check() {
-                Err(SettingsError::SlowRise {
-                    key: found,
-                    of: reached,
-                    rise_s,
-                }) => {
-                    assert_eq!((found.as_str(), reached.as_str()), (key, of));
-                    assert!(
-                        (RISE_MAX_S..1.02 * RISE_MAX_S).contains(&rise_s),
-                        "{rise_s}"
-                    );
-                }
-                other => panic!("{key}: {other:?}"),
-            }
+            let refused = settings.check().expect_err(key).to_string();
+            let text = format!("{key} is so low that it takes 61 s to reach {of}, ");
+            assert!(refused.starts_with(&text), "{refused}");
         }
     }
 
@@ -590,7 +607,11 @@ mod tests {
         }
         let mut settings = Settings::planar();
         settings.machine_name = "a\u{1b}[31m".to_string();
-        assert!(matches!(settings.check(), Err(SettingsError::Name { .. })));
+        let refused = settings.check().expect_err("a name").to_string();
+        assert!(
+            refused.starts_with("the machine's name has control characters in it: "),
+            "{refused}"
+        );
         settings.machine_name = "Äpfel 3".to_string();
         // No stop is no number.
         settings.machine.joints[3].position_max = f64::INFINITY;

@@ -1,7 +1,8 @@
 //! Drivers that the board sets up: the `[drivers]` groups of a machine file, checked.
 
 use super::check::joint_names;
-use super::error::SettingsError;
+use crate::text::refusal::{Refusal, refusal};
+use crate::text::short_number::Short;
 use headway_firmware::configuration::drivers::{DriverItem, DriversConfiguration, run_range_ma};
 use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
 use headway_protocol::message::SettingsProblem;
@@ -58,20 +59,18 @@ fn remedy(item: DriverItem, sense_mohm: u16) -> String {
 pub(super) fn check_drivers(
     drivers: &DriversConfiguration,
     machine: &MachineConfiguration,
-) -> Result<(), SettingsError> {
+) -> Result<(), Refusal> {
     drivers.check(machine).map_err(|wrong| {
         let names = motor_names(machine);
         let driver = drivers.drivers.get(wrong.motor).copied().flatten();
         let sense_mohm = driver.map_or(0, |driver| driver.sense_mohm);
         let place = usize::from(wrong.item.number()).saturating_sub(1);
-        SettingsError::Driver {
-            motor: names.get(wrong.motor).copied().unwrap_or("?"),
-            item: items(SettingsProblem::Driver)
-                .get(place)
-                .copied()
-                .unwrap_or("?"),
-            value: wrong.value,
-            remedy: remedy(wrong.item, sense_mohm),
-        }
+        refusal!(
+            "drivers.{}: {} is {}; {}",
+            names.get(wrong.motor).unwrap_or(&"?"),
+            items(SettingsProblem::Driver).get(place).unwrap_or(&"?"),
+            Short(wrong.value),
+            remedy(wrong.item, sense_mohm)
+        )
     })
 }

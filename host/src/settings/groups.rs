@@ -5,7 +5,6 @@
 //! keys depend on the kinematics.
 
 use super::aperture_text::ApertureTextError;
-use super::error::SettingsError;
 use super::heat::{Material, PAUSE_HEAT_MAX_MIN_MOST};
 use super::keys::{
     ApertureWords, Asked, AskedSwitch, Count, CountFromTwo, Degrees, Form, Known, KnownCount,
@@ -14,6 +13,7 @@ use super::keys::{
 use super::probe::ProbeSettings;
 use super::wide_beads::{LAYER_TIME_MAX_S, RATIO_RANGE};
 use super::{HeadingLaw, Infill, LAYERS_MAX, PassMode, Quality, SeamPlace, Settings};
+use crate::text::refusal::Refusal;
 use Range::{Above0, Any, Within};
 use headway_firmware::configuration::ExtruderConfiguration;
 use headway_protocol::control::DECIDEGREES_MAX;

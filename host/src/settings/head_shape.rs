@@ -4,7 +4,7 @@
 //! and with what is printed.
 
 use super::check::in_range;
-use super::error::SettingsError;
+use crate::text::refusal::{Refusal, refusal};
 use headway_reach::profile::{HeadProfile, ProfileError};
 
 /// Most knots of a profile: each query goes through them.
@@ -109,8 +109,8 @@ impl HeadShape {
     /// Checks that the numbers can be meant.
     ///
     /// # Errors
-    /// [`SettingsError`] with the key.
-    pub(super) fn check(&self) -> Result<(), SettingsError> {
+    /// A [`Refusal`] with the key.
+    pub(super) fn check(&self) -> Result<(), Refusal> {
         if let Some(slack_mm) = self.tip_slack_mm {
             in_range("head.tip_slack_mm", slack_mm, 0.0, 100.0)?;
         }
@@ -122,7 +122,7 @@ impl HeadShape {
 }
 
 impl ConeAndCylinder {
-    fn check(&self) -> Result<(), SettingsError> {
+    fn check(&self) -> Result<(), Refusal> {
         let radius_mm = self.nozzle_tip_radius_mm;
         in_range("head.nozzle_tip_radius_mm", radius_mm, 0.0, 500.0)?;
         let angle_deg = self.nozzle_angle_rad.to_degrees();
@@ -133,8 +133,12 @@ impl ConeAndCylinder {
     }
 }
 
-fn check_knots(knots: &[[f64; 2]]) -> Result<(), SettingsError> {
-    let refused = |reason: String| Err(SettingsError::HeadProfile { reason });
+pub(super) fn wrong_profile(reason: &str) -> Refusal {
+    refusal!("head.profile: {reason}; give [height_mm, radius_mm] pairs from the tip upwards")
+}
+
+fn check_knots(knots: &[[f64; 2]]) -> Result<(), Refusal> {
+    let refused = |reason: String| Err(wrong_profile(&reason));
     if knots.len() > PROFILE_KNOTS_MAX {
         let count = knots.len();
         return refused(format!("{count} pairs, at most {PROFILE_KNOTS_MAX}"));

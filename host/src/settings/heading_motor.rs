@@ -8,7 +8,7 @@
 
 use super::Settings;
 use super::check::in_range;
-use super::error::SettingsError;
+use crate::text::refusal::Refusal;
 
 /// Torques of motors that turn nozzles, N m: from watch-sized steppers to servos.
 const TORQUE_NM: [f64; 2] = [1e-4, 100.0];
@@ -58,7 +58,7 @@ impl HeadingMotor {
         (self.load_inertia_g_cm2 / self.rotor_inertia_g_cm2).sqrt()
     }
 
-    fn check(&self, joint: &str, full_steps_per_turn: Option<f64>) -> Result<(), SettingsError> {
+    fn check(&self, joint: &str, full_steps_per_turn: Option<f64>) -> Result<(), Refusal> {
         let key = |name: &str| format!("drivers.{joint}.{name}");
         let within =
             |name: &str, value: f64, [low, high]: [f64; 2]| in_range(&key(name), value, low, high);
@@ -79,7 +79,7 @@ impl HeadingMotor {
 
 impl Settings {
     /// Numbers of the heading joint's motor, against its driver's full steps.
-    pub(super) fn check_heading_motor(&self) -> Result<(), SettingsError> {
+    pub(super) fn check_heading_motor(&self) -> Result<(), Refusal> {
         let Some(motor) = &self.heading_motor else {
             return Ok(());
         };

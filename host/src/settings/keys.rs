@@ -5,8 +5,8 @@
 
 use super::aperture_text::{ApertureTextError, aperture_text, parse_aperture};
 use super::check::{in_range, sensible};
-use super::error::SettingsError;
 use crate::geometry::aperture::Aperture;
+use crate::text::refusal::Refusal;
 use serde::de::DeserializeOwned;
 use std::marker::PhantomData;
 
@@ -142,7 +142,7 @@ pub(super) enum Range {
 }
 
 impl Range {
-    pub(super) fn check(&self, key: &str, value: Option<f64>) -> Result<(), SettingsError> {
+    pub(super) fn check(&self, key: &str, value: Option<f64>) -> Result<(), Refusal> {
         match (self, value) {
             (Range::Any, _) | (_, None) => Ok(()),
             (Range::Within(low, high), Some(value)) => in_range(key, value, *low, *high),
@@ -195,7 +195,7 @@ macro_rules! keys {
             }
 
             /// Checks each key's range.
-            pub(super) fn check(settings: &$root) -> Result<(), SettingsError> {
+            pub(super) fn check(settings: &$root) -> Result<(), Refusal> {
                 $(
                     let number = <$form as Form>::number(&settings.$($place).+ $([$index])?);
                     $range.check(concat!($group, ".", stringify!($key)), number)?;

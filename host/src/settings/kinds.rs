@@ -5,7 +5,7 @@
 
 use super::Settings;
 use super::check::in_range;
-use super::error::SettingsError;
+use crate::text::refusal::Refusal;
 use serde::Deserialize;
 
 /// What one kind asks for.
@@ -69,7 +69,7 @@ impl Kinds {
 }
 
 /// Speed and acceleration of `[print]` are the ceiling of every kind's.
-pub(super) fn check(settings: &Settings) -> Result<(), SettingsError> {
+pub(super) fn check(settings: &Settings) -> Result<(), Refusal> {
     let (speed_mm_s, bend_mm_s2) = (settings.speed_mm_s, settings.tip_acceleration_mm_s2);
     for (name, kind) in settings.kinds.named() {
         let checked = |key: &str, value: Option<f64>, low: f64, high: f64| {

@@ -11,7 +11,6 @@ mod choices;
 pub mod curved_layers;
 mod defaults;
 pub mod drivers;
-mod error;
 pub mod examples;
 mod groups;
 pub mod head_shape;
@@ -30,7 +29,6 @@ pub mod wide_beads;
 
 pub use check::{joint_names, motor_rates_hz};
 pub use choices::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
-pub use error::SettingsError;
 pub use heading_joint::linear_joint_number;
 pub use heading_motor::HeadingMotor;
 

@@ -8,8 +8,8 @@ use super::check::in_range;
 use super::curved_layers::CurvedLayers;
 use super::{
     AXIS_TOLERANCE_MAX_DEG, HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings,
-    SettingsError,
 };
+use crate::text::refusal::Refusal;
 
 /// What an option sets.
 trait Over<T> {
@@ -235,7 +235,7 @@ pub(crate) enum OptionsError {
     Aperture(#[from] ApertureTextError),
     /// The settings are not possible, or not together.
     #[error(transparent)]
-    Settings(#[from] SettingsError),
+    Settings(#[from] Refusal),
     /// Lines, and no walls that they are inside of.
     #[error(
         "lines and solid layers fill the ground inside the walls: say how many with --walls (without it \

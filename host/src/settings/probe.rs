@@ -2,8 +2,8 @@
 
 use super::Settings;
 use super::check::in_range;
-use super::error::SettingsError;
 use super::groups::ProbeKeys;
+use crate::text::refusal::Refusal;
 
 /// The axis along which a probe goes down.
 const Z: usize = 2;
@@ -47,7 +47,7 @@ impl Default for ProbeSettings {
 
 impl Settings {
     /// Every number of `[probe]`, if it is there.
-    pub(super) fn check_probe(&self) -> Result<(), SettingsError> {
+    pub(super) fn check_probe(&self) -> Result<(), Refusal> {
         let Some(probe) = &self.probe else {
             return Ok(());
         };

@@ -2,7 +2,8 @@
 
 use super::Settings;
 use super::check::joint_names;
-use super::error::SettingsError;
+use crate::text::refusal::{Refusal, refusal};
+use crate::text::short_number::Short;
 use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_firmware::configuration::wiring::WrongWiring;
 use headway_protocol::message::SettingsProblem;
@@ -19,29 +20,29 @@ impl Settings {
     }
 
     /// Every input, whatever board.
-    pub(super) fn check_wiring(&self) -> Result<(), SettingsError> {
+    pub(super) fn check_wiring(&self) -> Result<(), Refusal> {
         let wiring = &self.wiring;
-        wiring.check(&self.machine).map_err(|wrong| match wrong {
-            WrongWiring::Switch(joint) => {
-                let names = joint_names(&self.machine.kinematics);
-                SettingsError::Wiring {
-                    key: format!("switch_inputs.{}", names.get(joint).unwrap_or(&"?")),
-                    input: wiring.switch_inputs.get(joint).copied().unwrap_or(0),
+        let names = joint_names(&self.machine.kinematics);
+        wiring.check(&self.machine).map_err(|wrong| {
+            let (key, name, input) = match wrong {
+                WrongWiring::Switch(joint) => {
+                    let input = wiring.switch_inputs.get(joint).copied();
+                    let name = names.get(joint).copied();
+                    ("switch_inputs.", name.unwrap_or("?"), input)
                 }
-            }
-            WrongWiring::Emergency => SettingsError::Wiring {
-                key: "emergency_input".to_string(),
-                input: wiring.emergency_input.unwrap_or(0),
-            },
-            WrongWiring::Probe => SettingsError::Wiring {
-                key: "probe_input".to_string(),
-                input: wiring.probe_input.unwrap_or(0),
-            },
+                WrongWiring::Emergency => ("emergency_input", "", wiring.emergency_input),
+                WrongWiring::Probe => ("probe_input", "", wiring.probe_input),
+            };
+            refusal!(
+                "wiring.{key}{name} is {}: inputs are numbered from 0 to 15 as the board has them, and the emergency \
+                 input is no switch",
+                input.unwrap_or(0)
+            )
         })
     }
 
     /// Every number of those that are given.
-    pub(super) fn check_switches(&self) -> Result<(), SettingsError> {
+    pub(super) fn check_switches(&self) -> Result<(), Refusal> {
         let names = joint_names(&self.machine.kinematics);
         for homing in self.switches.iter().flat_map(|given| &given.joints) {
             let number = usize::from(homing.joint);
@@ -49,14 +50,13 @@ impl Settings {
             let wrong = limits.and_then(|limits| homing.wrong(limits));
             let Some((item, value)) = wrong else { continue };
             let place = usize::from(item).saturating_sub(1);
-            return Err(SettingsError::Switch {
-                joint: names.get(number).copied().unwrap_or("?"),
-                item: items(SettingsProblem::Switch)
-                    .get(place)
-                    .copied()
-                    .unwrap_or("?"),
-                value,
-            });
+            return Err(refusal!(
+                "switches.{}: {} is {}; speeds are above 0 and at most the joint's speed_max, ways above 0, and \
+                 the position is a place: the end of the joint's range, unless it is given",
+                names.get(number).unwrap_or(&"?"),
+                items(SettingsProblem::Switch).get(place).unwrap_or(&"?"),
+                Short(value)
+            ));
         }
         Ok(())
     }

@@ -4,8 +4,9 @@
 //! kept: the optimiser, the findings and the route do that.
 
 use super::check::in_range;
-use super::error::SettingsError;
 use super::{PrimeRetract, Settings};
+use crate::text::refusal::{Refusal, refusal};
+use crate::text::short_number::Short;
 
 /// What wide beads ask for; 0 asks for nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,14 +53,15 @@ impl Settings {
 }
 
 /// Checks the ranges of the keys, and that a pump that starts slowly has no prime beside it.
-pub(super) fn check(settings: &Settings) -> Result<(), SettingsError> {
+pub(super) fn check(settings: &Settings) -> Result<(), Refusal> {
     let wide = &settings.wide_beads;
     let late_s = wide.layer_time_max_s;
     if late_s > 0.0 && late_s < settings.layer_time_min_s {
-        return Err(SettingsError::LayerTimes {
-            least_s: settings.layer_time_min_s,
-            most_s: late_s,
-        });
+        return Err(refusal!(
+            "print.layer_time_max_s is {}, below print.layer_time_min_s = {}: raise the one or lower the other",
+            Short(late_s),
+            Short(settings.layer_time_min_s)
+        ));
     }
     let longest_mm = PUMP_SHARE_MAX * settings.aperture.major_mm();
     in_range("flow.pump_start_mm", wide.pump_start_mm, 0.0, longest_mm)?;
@@ -76,7 +78,10 @@ pub(super) fn check(settings: &Settings) -> Result<(), SettingsError> {
     let pr = &settings.prime_retract;
     let pumps = wide.pump_start_mm > 0.0 || wide.pump_stop_mm > 0.0;
     if pumps && (pr.prime_mm3 > 0.0 || pr.retract_mm3 > 0.0) {
-        return Err(SettingsError::PumpAndPrime);
+        return Err(refusal!(
+            "flow.pump_start_mm and flow.pump_stop_mm are of pumps that start and stop slowly and do not run backwards: \
+             set flow.prime_mm3 and flow.retract_mm3 to 0 beside them"
+        ));
     }
     Ok(())
 }

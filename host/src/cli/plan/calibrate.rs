@@ -161,9 +161,9 @@ fn shaken_text(swept: &Sweep, file: &str, read: &[String], change: &str) -> Stri
 }
 
 fn pattern_error(error: CalibrationError) -> CliError {
-    match error.is_usage() {
-        true => CliError::Usage(error.to_string()),
-        false => CliError::Job(error.to_string()),
+    match error {
+        CalibrationError::Usage(refused) => CliError::Usage(refused.to_string()),
+        CalibrationError::Machine(refused) => CliError::Job(refused.to_string()),
     }
 }
 

@@ -20,8 +20,9 @@ mod transform;
 mod unfollowed;
 mod xml;
 
-use super::read::{RawMesh, TRIANGLES_MAX, syntax};
-use super::{Mesh, MeshError};
+use super::Mesh;
+use super::read::{RawMesh, TRIANGLES_MAX, no_vertex, syntax, too_many};
+use crate::text::refusal::{Refusal, refusal};
 use model::{Item, Model, Object, Transform, UNMOVED};
 use package::{Files, files};
 use roles::{Role, Roles};
@@ -38,7 +39,7 @@ const DEPTH_MAX: usize = 16;
 const PARTS_MAX: usize = 100_000;
 
 /// Reads what the build places, with names and colours of its triangles or without.
-pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError> {
+pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, Refusal> {
     let files = files(bytes)?;
     let Files {
         models,
@@ -46,7 +47,9 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
         unfollowed,
     } = &files;
     let mut builds = models.iter().filter(|model| !model.items.is_empty());
-    let root = builds.next().ok_or(MeshError::NothingBuilt)?;
+    let root = builds.next().ok_or_else(|| {
+        refusal!("its build has no item: place at least one object on the plate before the export")
+    })?;
     let mut placing = Placing {
         models,
         roles,
@@ -73,7 +76,10 @@ pub(super) fn read(bytes: &[u8], with_names: bool) -> Result<RawMesh, MeshError>
         colours,
     } = placing.built(root, &items)?;
     if mesh.triangles.is_empty() && carved.is_empty() && !placing.is_all_printed(root, &items) {
-        return Err(MeshError::NothingPrinted);
+        return Err(refusal!(
+            "nothing in it is printed: its items are switched off, or are modifiers, supports or negative \
+             volumes: switch one on, or make one a part, and export it again"
+        ));
     }
     let mut notes = Vec::new();
     if items.len() > 1 {
@@ -113,7 +119,7 @@ struct Built<'a> {
 
 impl<'a> Placing<'a> {
     /// Places the items one by one.
-    fn built(&mut self, root: &'a Model, items: &[&'a Item]) -> Result<Built<'a>, MeshError> {
+    fn built(&mut self, root: &'a Model, items: &[&'a Item]) -> Result<Built<'a>, Refusal> {
         let mut built = Built::default();
         for item in items {
             self.add(item, root, &Place::of(self.kept(item, root)))?;
@@ -142,7 +148,20 @@ fn owned(groups: BTreeMap<&str, Vec<Range<usize>>>) -> Vec<(String, Vec<Range<us
         .collect()
 }
 
-fn problem(what: &str) -> MeshError {
+fn no_object(id: usize) -> Refusal {
+    refusal!(
+        "an item or component names object {id}, which the file does not have: export it again"
+    )
+}
+
+/// Objects and components that place each other any number of times.
+fn too_many_parts(max: usize) -> Refusal {
+    refusal!(
+        "its objects and components are placed more than {max} times: export them as one object"
+    )
+}
+
+fn problem(what: &str) -> Refusal {
     syntax(FORMAT, format!("{what}; export it again"))
 }
 
@@ -225,14 +244,16 @@ impl<'a> Placing<'a> {
         }
     }
 
-    fn add(&mut self, item: &Item, model: &'a Model, outer: &Place) -> Result<(), MeshError> {
+    fn add(&mut self, item: &Item, model: &'a Model, outer: &Place) -> Result<(), Refusal> {
         let (id, max) = (item.object, DEPTH_MAX);
         if outer.depth > max {
-            return Err(MeshError::TooDeep { id, max });
+            return Err(refusal!(
+                "the components of object {id} nest deeper than {max}: export them as one object"
+            ));
         }
         // One that names itself would be found in another model.
         let Some((object, model)) = self.object(item, model) else {
-            return Err(MeshError::NoSuchObject { id });
+            return Err(no_object(id));
         };
         let volume = self.roles.component(outer.top, id);
         let own_role = match outer.role {
@@ -264,7 +285,7 @@ impl<'a> Placing<'a> {
                 false => Some(model),
             };
             let id = component.object;
-            let from = from.ok_or(MeshError::NoSuchObject { id })?;
+            let from = from.ok_or_else(|| no_object(id))?;
             let depth = place.depth + 1;
             self.add(component, from, &Place { depth, ..place })?;
         }
@@ -278,7 +299,7 @@ impl<'a> Placing<'a> {
         object: &'a Object,
         place: &Place,
         name: Option<&'a String>,
-    ) -> Result<(), MeshError> {
+    ) -> Result<(), Refusal> {
         if self.only_counts {
             return self.count(object);
         }
@@ -307,16 +328,14 @@ impl<'a> Placing<'a> {
         Ok(())
     }
 
-    fn count(&mut self, object: &Object) -> Result<(), MeshError> {
+    fn count(&mut self, object: &Object) -> Result<(), Refusal> {
         self.triangles += object.triangles.len();
         if self.triangles > TRIANGLES_MAX {
-            return Err(MeshError::TooMany {
-                triangles: self.triangles,
-            });
+            return Err(too_many(self.triangles));
         }
         self.parts += 1;
         match self.parts > PARTS_MAX {
-            true => Err(MeshError::TooManyParts { max: PARTS_MAX }),
+            true => Err(too_many_parts(PARTS_MAX)),
             false => Ok(()),
         }
     }
@@ -377,17 +396,13 @@ impl<'a> Placing<'a> {
 }
 
 /// Triangles of vertices that are there.
-fn check_corners(object: &Object) -> Result<(), MeshError> {
+fn check_corners(object: &Object) -> Result<(), Refusal> {
     let vertices = object.vertices.len();
     for (triangle, corners) in object.triangles.iter().enumerate() {
         let is_beyond = |&&vertex: &&u32| vertex as usize >= vertices;
         if let Some(&vertex) = corners.iter().find(is_beyond) {
             let vertex = vertex as usize;
-            return Err(MeshError::NoSuchVertex {
-                triangle,
-                vertex,
-                vertices,
-            });
+            return Err(no_vertex(triangle, vertex, vertices));
         }
     }
     Ok(())

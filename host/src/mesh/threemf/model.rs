@@ -3,11 +3,12 @@
 //! Resources may be in any order. Triangles get the colours of base materials and colour groups; textures and mixtures
 //! are dropped; triangles painted by slicers are counted.
 
-use super::problem;
 use super::roles::{KeyValues, Role};
 use super::xml::{Part, Tag, read};
-use crate::mesh::read::TRIANGLES_MAX;
-use crate::mesh::{MeshError, Point3};
+use super::{problem, too_many_parts};
+use crate::mesh::Point3;
+use crate::mesh::read::{TRIANGLES_MAX, too_many};
+use crate::text::refusal::Refusal;
 use std::collections::HashMap;
 use std::io::BufRead;
 
@@ -123,7 +124,7 @@ pub(super) fn read_model(
     path: &str,
     text: impl BufRead,
     declared_max: usize,
-) -> Result<Model, MeshError> {
+) -> Result<Model, Refusal> {
     let mut reading = Reading {
         model: Model {
             path: path.to_string(),
@@ -148,7 +149,7 @@ pub(super) fn read_model(
 }
 
 impl Reading {
-    fn take(&mut self, part: Part) -> Result<(), MeshError> {
+    fn take(&mut self, part: Part) -> Result<(), Refusal> {
         match part {
             Part::Open(tag) => self.open(&tag),
             Part::Close(name) => {
@@ -169,7 +170,7 @@ impl Reading {
         }
     }
 
-    fn open(&mut self, tag: &Tag) -> Result<(), MeshError> {
+    fn open(&mut self, tag: &Tag) -> Result<(), Refusal> {
         match (tag.name().as_ref(), &mut self.object) {
             ("vertex", Some(object)) => {
                 let [x, y, z] = tag.numbers(["x", "y", "z"])?;
@@ -222,16 +223,16 @@ impl Reading {
         }
     }
 
-    fn declare(&mut self) -> Result<(), MeshError> {
+    fn declare(&mut self) -> Result<(), Refusal> {
         self.declared += 1;
         let max = self.declared_max;
         match self.declared > max {
-            true => Err(MeshError::TooManyParts { max }),
+            true => Err(too_many_parts(max)),
             false => Ok(()),
         }
     }
 
-    fn item(&mut self, tag: &Tag) -> Result<Item, MeshError> {
+    fn item(&mut self, tag: &Tag) -> Result<Item, Refusal> {
         self.declare()?;
         let printable = tag.get("printable");
         let is_printable = !matches!(printable.as_deref(), Some("0" | "false"));
@@ -245,10 +246,10 @@ impl Reading {
 }
 
 impl Object {
-    fn take_triangle(&mut self, tag: &Tag) -> Result<(), MeshError> {
+    fn take_triangle(&mut self, tag: &Tag) -> Result<(), Refusal> {
         let triangles = self.triangles.len() + 1;
         if triangles > TRIANGLES_MAX {
-            return Err(MeshError::TooMany { triangles });
+            return Err(too_many(triangles));
         }
         self.triangles.push(tag.numbers(["v1", "v2", "v3"])?);
         let mut coloured = Coloured::default();
@@ -317,7 +318,7 @@ fn colour_of(text: &str) -> Option<[u8; 3]> {
     Some(colour)
 }
 
-fn unit_mm(tag: &Tag) -> Result<f64, MeshError> {
+fn unit_mm(tag: &Tag) -> Result<f64, Refusal> {
     let unit = tag.get("unit");
     Ok(match unit.as_deref() {
         Some("micron") => 0.001,
@@ -330,7 +331,7 @@ fn unit_mm(tag: &Tag) -> Result<f64, MeshError> {
     })
 }
 
-fn transform(tag: &Tag) -> Result<Transform, MeshError> {
+fn transform(tag: &Tag) -> Result<Transform, Refusal> {
     let Some(text) = tag.get("transform").filter(|text| !text.trim().is_empty()) else {
         return Ok(UNMOVED);
     };

@@ -4,8 +4,8 @@ use super::model::{Model, read_model};
 use super::roles::{Roles, read_roles};
 use super::unfollowed::{self, Unfollowed};
 use super::{FORMAT, PARTS_MAX, problem};
-use crate::mesh::MeshError;
 use crate::mesh::read::syntax;
+use crate::text::refusal::Refusal;
 use std::io::{BufReader, Cursor, Read};
 use zip::ZipArchive;
 
@@ -23,7 +23,7 @@ pub(super) struct Files {
 }
 
 /// Reads all models, and the slicers' own files.
-pub(super) fn files(bytes: &[u8]) -> Result<Files, MeshError> {
+pub(super) fn files(bytes: &[u8]) -> Result<Files, Refusal> {
     let unread = |error: zip::result::ZipError| problem(&error.to_string());
     let mut package = ZipArchive::new(Cursor::new(bytes)).map_err(unread)?;
     check_unpacked(&mut package)?;
@@ -59,7 +59,7 @@ fn is_roles(name: &str) -> bool {
     )
 }
 
-fn whole(file: impl Read, name: &str) -> Result<Vec<u8>, MeshError> {
+fn whole(file: impl Read, name: &str) -> Result<Vec<u8>, Refusal> {
     let mut text = Vec::new();
     let read = file.take(NOTES_MAX + 1).read_to_end(&mut text);
     read.map_err(|error| problem(&error.to_string()))?;
@@ -72,7 +72,7 @@ fn whole(file: impl Read, name: &str) -> Result<Vec<u8>, MeshError> {
 }
 
 /// Unpacks to nowhere: what a package states of its sizes need not be true.
-fn check_unpacked(package: &mut ZipArchive<Cursor<&[u8]>>) -> Result<(), MeshError> {
+fn check_unpacked(package: &mut ZipArchive<Cursor<&[u8]>>) -> Result<(), Refusal> {
     let mut left = UNPACKED_MAX;
     for number in 0..package.len() {
         let file = package.by_index(number);

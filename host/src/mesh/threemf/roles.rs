@@ -5,7 +5,7 @@
 //! to an object, some of which declare that it is not material.
 
 use super::xml::{Part, read};
-use crate::mesh::MeshError;
+use crate::text::refusal::Refusal;
 use std::collections::HashMap;
 
 /// Settings by name.
@@ -145,7 +145,7 @@ struct Reading {
 ///
 /// # Errors
 /// Text that is not XML.
-pub(super) fn read_roles(text: &[u8]) -> Result<Roles, MeshError> {
+pub(super) fn read_roles(text: &[u8]) -> Result<Roles, Refusal> {
     let mut reading = Reading::default();
     read(text, |part| {
         reading.take(part);

@@ -4,18 +4,17 @@
 
 use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::mesh::test_meshes::{cuboid, joined, model_3mf, object_3mf, to_3mf, to_package};
-use crate::mesh::{
-    LoadedMesh, Mesh, MeshError, MeshFormat, MeshOptions, SurfaceRegion, read, read_surface,
-};
+use crate::mesh::{LoadedMesh, Mesh, MeshFormat, MeshOptions, SurfaceRegion, read, read_surface};
+use crate::text::refusal::Refusal;
 
 const MODEL: &str = "3D/3dmodel.model";
 const UPPER: [f64; 3] = [0.0, 0.0, 5.0];
 
-fn loaded(bytes: &[u8]) -> Result<LoadedMesh, MeshError> {
+fn loaded(bytes: &[u8]) -> Result<LoadedMesh, Refusal> {
     read(bytes, "part", MeshFormat::ThreeMf, &MeshOptions::default())
 }
 
-fn by_layers(part: &LoadedMesh) -> Result<SlicedPart, MeshError> {
+fn by_layers(part: &LoadedMesh) -> Result<SlicedPart, Refusal> {
     let heights = LayerHeights {
         first_mm: 0.2,
         layer_mm: 0.2,
@@ -311,7 +310,11 @@ fn what_is_switched_off_is_not_printed() {
 
     let items = "<item objectid=\"2\"/><item objectid=\"4\" printable=\"0\"/>";
     let nothing = loaded(&to_3mf(&model_3mf("millimeter", &resources, items)));
-    assert_eq!(nothing.err(), Some(MeshError::NothingPrinted));
+    let refused = nothing.expect_err("nothing to print").to_string();
+    assert!(
+        refused.starts_with("nothing in it is printed: "),
+        "{refused}"
+    );
 }
 
 /// Goal: a negative volume cuts its own object only, in each of its places, and a first layer that is
@@ -338,8 +341,9 @@ fn a_negative_volume_cuts_its_own_object() {
     let below = cuboid([-1.0, -1.0, -1.0], [22.0, 22.0, 2.0]);
     let object = object_3mf(1, &joined(body, &below));
     let part = loaded(&package(&object, "<item objectid=\"1\"/>")).expect("readable");
-    let refused = by_layers(&part).err();
-    assert_eq!(refused, Some(MeshError::NothingLowest { first_mm: 0.2 }));
+    let refused = by_layers(&part).expect_err("cut away").to_string();
+    let text = "the negative volumes leave nothing of the first layer, 0.2 mm high, ";
+    assert!(refused.starts_with(text), "{refused}");
 }
 
 /// Goal: what a project asks for and does not get is said, once for each kind. Method: files and
@@ -447,8 +451,9 @@ fn regions_are_found_by_name_and_colour() {
     // Of the foot one triangle has corners that differ, one a group that there is not.
     let options = MeshOptions::default();
     let none = |region| read_surface(&bytes, MeshFormat::ThreeMf, &options, Some(&region)).err();
-    let names = "cap, foot, lid, rim".to_string();
-    let refused = Some(MeshError::NoSuchRegion { groups: names });
+    let text =
+        "no triangle of the surface is in the requested region; its groups: cap, foot, lid, rim";
+    let refused = Some(Refusal(text.to_string()));
     assert_eq!(none(SurfaceRegion::Colour([0, 0, 0xff])), refused);
     assert_eq!(none(group("hat")), refused);
 }

@@ -4,7 +4,7 @@
 use super::model::{Object, Painted, paint_names};
 use super::roles::{Role, Roles};
 use super::xml::{Part, read};
-use crate::mesh::MeshError;
+use crate::text::refusal::Refusal;
 use std::collections::BTreeSet;
 
 /// Entries of a list that are reported one by one.
@@ -53,7 +53,7 @@ pub(super) fn is_known(name: &str) -> bool {
 
 impl Unfollowed {
     /// Reads a file that [`is_known`].
-    pub fn read(&mut self, name: &str, text: &[u8]) -> Result<(), MeshError> {
+    pub fn read(&mut self, name: &str, text: &[u8]) -> Result<(), Refusal> {
         if CODES.contains(&name) {
             self.read_codes(text)?;
         } else if RANGES.contains(&name) {
@@ -69,7 +69,7 @@ impl Unfollowed {
         Ok(())
     }
 
-    fn read_codes(&mut self, text: &[u8]) -> Result<(), MeshError> {
+    fn read_codes(&mut self, text: &[u8]) -> Result<(), Refusal> {
         read(text, |part| {
             let Part::Open(tag) = part else {
                 return Ok(());

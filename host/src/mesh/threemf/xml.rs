@@ -1,8 +1,8 @@
 //! XML as used in a 3MF package: elements and their attributes by name, prefixes ignored.
 
 use super::problem;
-use crate::mesh::MeshError;
 use crate::text::plain::plain;
+use crate::text::refusal::Refusal;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::borrow::Cow;
@@ -42,7 +42,7 @@ impl Tag<'_> {
     pub fn numbers<const N: usize, T: FromStr + Copy + Default>(
         &self,
         names: [&str; N],
-    ) -> Result<[T; N], MeshError> {
+    ) -> Result<[T; N], Refusal> {
         let mut numbers = [None; N];
         for attribute in self.0.attributes().with_checks(false).flatten() {
             let key = attribute.key;
@@ -59,11 +59,11 @@ impl Tag<'_> {
     }
 
     /// An attribute that is a number.
-    pub fn number<T: FromStr + Copy + Default>(&self, name: &str) -> Result<T, MeshError> {
+    pub fn number<T: FromStr + Copy + Default>(&self, name: &str) -> Result<T, Refusal> {
         self.numbers([name]).map(|[number]| number)
     }
 
-    fn no_number(&self, name: &str) -> MeshError {
+    fn no_number(&self, name: &str) -> Refusal {
         let given = self.get(name);
         let given = given.map_or("none".to_string(), |text| format!("`{text}`"));
         problem(&format!(
@@ -90,8 +90,8 @@ fn lossy(bytes: &[u8]) -> String {
 /// What `take` says, and texts that are no XML or end within an element.
 pub(super) fn read(
     text: impl BufRead,
-    mut take: impl FnMut(Part) -> Result<(), MeshError>,
-) -> Result<(), MeshError> {
+    mut take: impl FnMut(Part) -> Result<(), Refusal>,
+) -> Result<(), Refusal> {
     let mut text = text;
     let first = text
         .fill_buf()

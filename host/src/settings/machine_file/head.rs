@@ -1,8 +1,9 @@
 //! `[head]` of a machine file: a cone and a cylinder, or a profile.
 
 use super::write::{degrees, number};
-use crate::settings::SettingsError;
+use crate::settings::head_shape::wrong_profile;
 use crate::settings::head_shape::{ConeAndCylinder, HeadOutline, HeadShape};
+use crate::text::refusal::Refusal;
 use serde::Deserialize;
 use std::fmt::Write;
 
@@ -19,7 +20,7 @@ pub(super) struct FileHead {
 }
 
 impl FileHead {
-    pub(super) fn shape(&self) -> Result<HeadShape, SettingsError> {
+    pub(super) fn shape(&self) -> Result<HeadShape, Refusal> {
         let cone = [
             ("nozzle_tip_radius_mm", self.nozzle_tip_radius_mm),
             ("nozzle_angle_deg", self.nozzle_angle_deg),
@@ -27,7 +28,7 @@ impl FileHead {
             ("head_radius_mm", self.head_radius_mm),
             ("head_length_mm", self.head_length_mm),
         ];
-        let refused = |reason: String| Err(SettingsError::HeadProfile { reason });
+        let refused = |reason: String| Err(wrong_profile(&reason));
         let outline = match &self.profile {
             Some(_) if cone.iter().any(|(_, given)| given.is_some()) => {
                 return refused(

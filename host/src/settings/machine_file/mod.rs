@@ -8,7 +8,6 @@
 
 use super::aperture_text::{ApertureTextError, from_semi_axes};
 use super::check::joint_names;
-use super::error::SettingsError;
 use super::groups::{
     ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, SkirtKeys,
     TolerancesKeys,
@@ -18,6 +17,7 @@ use super::kinds::Kinds;
 use super::probe::ProbeSettings;
 use super::{Infill, Settings};
 use crate::settings::axes_words::AxesError;
+use crate::text::refusal::Refusal;
 use head::FileHead;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::board_name::BoardName;
@@ -107,7 +107,7 @@ pub enum MachineFileError {
     Aperture(#[from] ApertureTextError),
     /// Values out of range or at odds.
     #[error("{0}")]
-    Settings(#[from] SettingsError),
+    Settings(#[from] Refusal),
 }
 
 /// What a file has that gives ellipses and circles by full sizes.
