@@ -282,7 +282,7 @@ impl Job {
             "" => LinkSpec::default(),
             text => text
                 .parse()
-                .map_err(|error: crate::drive::link::LinkSpecError| job_error(error.to_string()))?,
+                .map_err(|error: crate::text::refusal::Refusal| job_error(error.to_string()))?,
         };
         let setup = SimulatorSetup {
             link,

@@ -9,8 +9,8 @@ use crate::cli::terminal::result_kind::{BOARD_SETTINGS, MACHINE};
 use crate::pipeline::findings::settings_warnings::settings_warnings;
 use crate::settings::aperture_text::nozzle_text;
 use crate::settings::examples::MachineExample;
-use crate::settings::machine_file::MachineFileError;
 use crate::settings::{Settings, joint_names, machine_file, motor_rates_hz};
+use crate::text::refusal::Refusal;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::steps::shaping::shapes;
 use serde_json::json;
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
 }
 
 /// The built-in machine of a kind.
-fn settings_of(kind: KindName) -> Result<Settings, MachineFileError> {
+fn settings_of(kind: KindName) -> Result<Settings, Refusal> {
     let example = match kind {
         KindName::Planar => return Ok(Settings::planar()),
         KindName::CoreXy => return Ok(Settings::core_xy()),

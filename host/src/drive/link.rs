@@ -5,10 +5,10 @@
 //! in microseconds; random numbers come from one seeded generator per line, so a simulation can be
 //! repeated. A stall delays bytes; a pull loses those in transit.
 
+use crate::text::refusal::{Refusal, refusal};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::collections::VecDeque;
-use thiserror::Error;
 
 /// Bits on the line per byte: start, eight, stop.
 const BITS_PER_BYTE: u64 = 10;
@@ -71,61 +71,23 @@ impl Default for LinkSpec {
     }
 }
 
-/// An error of a `--link` text.
-#[derive(Debug, Error, PartialEq, Eq)]
-pub enum LinkSpecError {
-    /// Not `key=value`.
-    #[error("link: `{0}` is not of the form key=value, as in `drop=0.01,stall=2s@5s`")]
-    NoValue(String),
-    /// Unknown key.
-    #[error(
-        "link: `{0}` is unknown; there are drop, flip, dup, reorder, truncate, delay, stall, pull and baud"
-    )]
-    UnknownKey(String),
-    /// A probability outside 0..=1 or not a number.
-    #[error("link: {key}={value}: a probability is a number from 0 to 1, as in `{key}=0.01`")]
-    Probability {
-        /// Key.
-        key: String,
-        /// What was given.
-        value: String,
-    },
-    /// Not a time.
-    #[error("link: {key}={value}: a time is a number with us, ms or s, as in `2s` or `1.5ms`")]
-    Time {
-        /// Key.
-        key: String,
-        /// What was given.
-        value: String,
-    },
-    /// Not LENGTH@START.
-    #[error("link: {key}={value}: write LENGTH@START, as in `{key}=2s@5s`")]
-    Outage {
-        /// Key.
-        key: String,
-        /// What was given.
-        value: String,
-    },
-    /// An invalid line rate.
-    #[error("link: baud={0}: a whole number from 1200 to 100000000")]
-    Baud(String),
-}
-
 impl std::str::FromStr for LinkSpec {
-    type Err = LinkSpecError;
+    type Err = Refusal;
 
     /// Reads `drop=0.01,flip=1e-5,dup=0.001,delay=2ms,stall=2s@5s,pull=1s@20s,baud=115200`; `stall`
     /// and `pull` may be given several times.
-    fn from_str(text: &str) -> Result<Self, LinkSpecError> {
+    fn from_str(text: &str) -> Result<Self, Refusal> {
         let mut spec = LinkSpec::default();
         for part in text
             .split(',')
             .map(str::trim)
             .filter(|part| !part.is_empty())
         {
-            let (key, value) = part
-                .split_once('=')
-                .ok_or_else(|| LinkSpecError::NoValue(part.to_string()))?;
+            let (key, value) = part.split_once('=').ok_or_else(|| {
+                refusal!(
+                    "link: `{part}` is not of the form key=value, as in `drop=0.01,stall=2s@5s`"
+                )
+            })?;
             spec.set(key.trim(), value.trim())?;
         }
         Ok(spec)
@@ -133,7 +95,7 @@ impl std::str::FromStr for LinkSpec {
 }
 
 impl LinkSpec {
-    fn set(&mut self, key: &str, value: &str) -> Result<(), LinkSpecError> {
+    fn set(&mut self, key: &str, value: &str) -> Result<(), Refusal> {
         match key {
             "drop" => self.drop_per_frame = probability(key, value)?,
             "flip" => self.flip_per_byte = probability(key, value)?,
@@ -148,26 +110,33 @@ impl LinkSpec {
                     .parse()
                     .ok()
                     .filter(|baud| (1200..=100_000_000).contains(baud))
-                    .ok_or_else(|| LinkSpecError::Baud(value.to_string()))?;
+                    .ok_or_else(|| {
+                        refusal!("link: baud={value}: a whole number from 1200 to 100000000")
+                    })?;
             }
-            _ => return Err(LinkSpecError::UnknownKey(key.to_string())),
+            _ => {
+                return Err(refusal!(
+                    "link: `{key}` is unknown; there are drop, flip, dup, reorder, truncate, delay, stall, pull and baud"
+                ));
+            }
         }
         Ok(())
     }
 }
 
-fn probability(key: &str, value: &str) -> Result<f64, LinkSpecError> {
+fn probability(key: &str, value: &str) -> Result<f64, Refusal> {
     value
         .parse()
         .ok()
         .filter(|share| (0.0..=1.0).contains(share))
-        .ok_or_else(|| LinkSpecError::Probability {
-            key: key.to_string(),
-            value: value.to_string(),
+        .ok_or_else(|| {
+            refusal!(
+                "link: {key}={value}: a probability is a number from 0 to 1, as in `{key}=0.01`"
+            )
         })
 }
 
-fn time_us(key: &str, value: &str) -> Result<u64, LinkSpecError> {
+fn time_us(key: &str, value: &str) -> Result<u64, Refusal> {
     let scales = [("us", 1.0), ("ms", 1e3), ("s", 1e6)];
     scales
         .iter()
@@ -177,17 +146,17 @@ fn time_us(key: &str, value: &str) -> Result<u64, LinkSpecError> {
             let in_range = (0.0..=86_400e6).contains(&(number * scale_us));
             in_range.then_some((number * scale_us).round() as u64)
         })
-        .ok_or_else(|| LinkSpecError::Time {
-            key: key.to_string(),
-            value: value.to_string(),
+        .ok_or_else(|| {
+            refusal!(
+                "link: {key}={value}: a time is a number with us, ms or s, as in `2s` or `1.5ms`"
+            )
         })
 }
 
-fn outage(key: &str, value: &str) -> Result<Outage, LinkSpecError> {
-    let (length, start) = value.split_once('@').ok_or_else(|| LinkSpecError::Outage {
-        key: key.to_string(),
-        value: value.to_string(),
-    })?;
+fn outage(key: &str, value: &str) -> Result<Outage, Refusal> {
+    let (length, start) = value
+        .split_once('@')
+        .ok_or_else(|| refusal!("link: {key}={value}: write LENGTH@START, as in `{key}=2s@5s`"))?;
     Ok(Outage {
         start_us: time_us(key, start)?,
         length_us: time_us(key, length)?,

@@ -20,6 +20,7 @@ use crate::job::motors::{MOTORS_TEXT, motors_of_text, motors_text, with_motors_a
 use crate::job::transform::PartTransform;
 use crate::job::units::{units_of_texts, units_text};
 use crate::job::{Mark, SegmentStream, StreamFacts};
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::frame::{CRC, FrameDecoder};
 use headway_protocol::message::{PROTOCOL_VERSION, SCHEMA_HASH};
@@ -185,68 +186,15 @@ pub enum JobFileError {
     /// Reading or writing failed.
     #[error("job file: {0}")]
     Io(#[from] io::Error),
-    /// Something else.
-    #[error("this is not a Headway job file (it does not begin with HEADWAYJ)")]
-    NotAJob,
-    /// Another version.
-    #[error(
-        "the job file has format {format}, protocol {protocol} and schema {schema:08x}; this program reads {FORMAT_VERSION}, {PROTOCOL_VERSION} and {SCHEMA_HASH:08x}; plan again"
-    )]
-    Version {
-        /// Format of the file.
-        format: u16,
-        /// Protocol of the file.
-        protocol: u16,
-        /// Schema of the file.
-        schema: u32,
-    },
-    /// It ends too soon.
-    #[error(
-        "the job file is truncated: it ends at byte {at_byte}, inside the {part}; copy it again"
-    )]
-    Truncated {
-        /// Where it ends.
-        at_byte: u64,
-        /// The part that is cut.
-        part: &'static str,
-    },
-    /// A part does not match its checksum.
-    #[error("the job file is damaged in the {part} at byte {at_byte}: {why}; copy it again")]
-    Damaged {
-        /// Where the part begins.
-        at_byte: u64,
-        /// Which part.
-        part: &'static str,
-        /// The error.
-        why: &'static str,
-    },
-    /// A frame is damaged.
-    #[error("the job file is damaged in frame {frame} at byte {at_byte}: {why}; copy it again")]
-    Frame {
-        /// Frame number from 0.
-        frame: u32,
-        /// Where it begins.
-        at_byte: u64,
-        /// The error.
-        why: &'static str,
-    },
-    /// A part is larger than any job's.
-    #[error("the job file states a {part} of {bytes} bytes, more than any job has; plan again")]
-    TooLarge {
-        /// Which part.
-        part: &'static str,
-        /// Stated size.
-        bytes: u64,
-    },
-    /// Header and frames disagree.
-    #[error("the job file's frames do not make the stream of its header: {0}; plan again")]
-    Stream(String),
+    /// Something else, another version, or damage, with its place.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
 }
 
 /// Writes a job; returns the bytes written.
 ///
 /// # Errors
-/// [`JobFileError::Io`] from the writer; [`JobFileError::TooLarge`] for a header past its bound.
+/// [`JobFileError::Io`] from the writer; a [`Refusal`] for a header past its bound.
 pub fn write(
     out: &mut impl Write,
     header: &JobHeader,
@@ -274,8 +222,7 @@ pub(crate) fn write_header(out: &mut impl Write, header: &JobHeader) -> Result<u
         postcard::to_extend(&*header, section).map_err(|_| damaged(8, "header", "unwritable"))?;
     let bytes = section.len() as u64 - 4;
     if bytes > HEADER_BYTES_MAX {
-        let part = "header";
-        return Err(JobFileError::TooLarge { part, bytes });
+        return Err(too_large("header", bytes));
     }
     section[..4].copy_from_slice(&(bytes as u32).to_le_bytes());
     section.extend_from_slice(&CRC.checksum(&section).to_le_bytes());
@@ -298,8 +245,20 @@ pub(crate) fn index_and_footer(
     Ok(tail)
 }
 
-pub(crate) fn damaged(at_byte: u64, part: &'static str, why: &'static str) -> JobFileError {
-    JobFileError::Damaged { at_byte, part, why }
+pub(crate) fn damaged(at_byte: u64, part: &str, why: &str) -> JobFileError {
+    refusal!("the job file is damaged in the {part} at byte {at_byte}: {why}; copy it again").into()
+}
+
+fn truncated(at_byte: u64, part: &str) -> JobFileError {
+    refusal!(
+        "the job file is truncated: it ends at byte {at_byte}, inside the {part}; copy it again"
+    )
+    .into()
+}
+
+fn too_large(part: &str, bytes: u64) -> JobFileError {
+    refusal!("the job file states a {part} of {bytes} bytes, more than any job has; plan again")
+        .into()
 }
 
 /// What inspecting finds without reading the frames.
@@ -324,11 +283,7 @@ pub fn read_summary(input: &mut (impl Read + Seek)) -> Result<JobSummary, JobFil
     input.seek(SeekFrom::Start(0))?;
     let (header, frames_start) = read_header(input, length)?;
     if length < frames_start + FOOTER_BYTES {
-        let part = "frames";
-        return Err(JobFileError::Truncated {
-            at_byte: length,
-            part,
-        });
+        return Err(truncated(length, "frames"));
     }
     let (index, frames_end) = read_index(input, length, frames_start, &header)?;
     Ok(JobSummary {
@@ -341,29 +296,24 @@ pub fn read_summary(input: &mut (impl Read + Seek)) -> Result<JobSummary, JobFil
 
 fn read_header(input: &mut impl Read, length: u64) -> Result<(JobHeader, u64), JobFileError> {
     let mut magic = [0u8; 8];
-    if length < 8 {
-        return Err(JobFileError::NotAJob);
+    if length >= 8 {
+        input.read_exact(&mut magic)?;
     }
-    input.read_exact(&mut magic)?;
     if &magic != MAGIC {
-        return Err(JobFileError::NotAJob);
+        let none = "this is not a Headway job file (it does not begin with HEADWAYJ)";
+        return Err(refusal!("{none}").into());
     }
-    let truncated = JobFileError::Truncated {
-        at_byte: length,
-        part: "header",
-    };
     if length < 16 {
-        return Err(truncated);
+        return Err(truncated(length, "header"));
     }
     let mut size = [0u8; 4];
     input.read_exact(&mut size)?;
     let bytes = u64::from(u32::from_le_bytes(size));
     if bytes > HEADER_BYTES_MAX {
-        let part = "header";
-        return Err(JobFileError::TooLarge { part, bytes });
+        return Err(too_large("header", bytes));
     }
     if 12 + bytes + 4 > length {
-        return Err(truncated);
+        return Err(truncated(length, "header"));
     }
     let mut section = vec![0u8; bytes as usize + 8];
     section[..4].copy_from_slice(&size);
@@ -384,11 +334,11 @@ fn parse_header(body: &[u8]) -> Result<JobHeader, JobFileError> {
     let (format, protocol, schema) = versions;
     let read = [(PROTOCOL_VERSION, SCHEMA_HASH), BEFORE_UNITS];
     if format != FORMAT_VERSION || !read.contains(&(protocol, schema)) {
-        return Err(JobFileError::Version {
-            format,
-            protocol,
-            schema,
-        });
+        return Err(refusal!(
+            "the job file has format {format}, protocol {protocol} and schema {schema:08x}; this program reads \
+             {FORMAT_VERSION}, {PROTOCOL_VERSION} and {SCHEMA_HASH:08x}; plan again"
+        )
+        .into());
     }
     let unreadable = || damaged(8, "header", "it cannot be read");
     let mut header: JobHeader = postcard::from_bytes(body).map_err(|_| unreadable())?;
@@ -410,10 +360,8 @@ fn read_index(
     let mut footer = [0u8; FOOTER_BYTES as usize];
     input.read_exact(&mut footer)?;
     if &footer[16..] != FOOTER_MAGIC {
-        return Err(JobFileError::Truncated {
-            at_byte: length,
-            part: "frames or index (or something was added behind its end)",
-        });
+        let part = "frames or index (or something was added behind its end)";
+        return Err(truncated(length, part));
     }
     let index_start = u64::from_le_bytes(std::array::from_fn(|i| footer[i]));
     let frames = u32::from_le_bytes(std::array::from_fn(|i| footer[8 + i]));
@@ -423,8 +371,7 @@ fn read_index(
     }
     let bytes = footer_start - index_start;
     if bytes > INDEX_BYTES_MAX {
-        let part = "index";
-        return Err(JobFileError::TooLarge { part, bytes });
+        return Err(too_large("index", bytes));
     }
     input.seek(SeekFrom::Start(index_start))?;
     let mut tail = vec![0u8; bytes as usize + 12];
@@ -449,13 +396,17 @@ pub fn read(input: &mut (impl Read + Seek)) -> Result<JobFile, JobFileError> {
     input.seek(SeekFrom::Start(summary.frames_start))?;
     let frames = read_frames(input, &summary)?;
     let header = summary.header;
-    let disagree = |what: &str| Err(JobFileError::Stream(what.to_string()));
+    let stream = |what: &str| -> JobFileError {
+        refusal!("the job file's frames do not make the stream of its header: {what}; plan again")
+            .into()
+    };
+    let disagree = |what: &str| Err(stream(what));
     if frames.job() != header.job {
         return disagree("their identity is another one");
     }
     let (knots, events) = frames
         .decode()
-        .map_err(|error| JobFileError::Stream(error.to_string()))?;
+        .map_err(|error| stream(&error.to_string()))?;
     if knots.len() != header.knots as usize || events.len() != header.events as usize {
         return disagree("their number is another one");
     }
@@ -472,10 +423,8 @@ fn read_frames(input: &mut impl Read, summary: &JobSummary) -> Result<WireFrames
         let byte = byte?;
         at_byte += 1;
         let frame = frames.len() as u32;
-        let bad = |why| JobFileError::Frame {
-            frame,
-            at_byte: frame_start,
-            why,
+        let bad = |why: &str| -> JobFileError {
+            refusal!("the job file is damaged in frame {frame} at byte {frame_start}: {why}; copy it again").into()
         };
         match decoder.push(byte) {
             // Frames follow each other without idle zeros.
@@ -492,8 +441,7 @@ fn read_frames(input: &mut impl Read, summary: &JobSummary) -> Result<WireFrames
         frame_start = at_byte;
     }
     if frame_start != at_byte || frames.len() as u32 != summary.header.frames {
-        let part = "frames";
-        return Err(JobFileError::Truncated { at_byte, part });
+        return Err(truncated(at_byte, "frames"));
     }
     Ok(frames)
 }
@@ -609,14 +557,10 @@ mod tests {
     fn a_huge_stated_length_takes_no_memory() {
         let mut bytes = written(40);
         bytes[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(matches!(
-            read(&mut Cursor::new(&bytes)),
-            Err(JobFileError::TooLarge { .. })
-        ));
+        let refused = read(&mut Cursor::new(&bytes)).unwrap_err().to_string();
+        assert!(refused.contains("more than any job has"), "{refused}");
         bytes[8..12].copy_from_slice(&(100u32 << 20).to_le_bytes());
-        assert!(matches!(
-            read(&mut Cursor::new(&bytes)),
-            Err(JobFileError::Truncated { .. })
-        ));
+        let refused = read(&mut Cursor::new(&bytes)).unwrap_err().to_string();
+        assert!(refused.contains("is truncated"), "{refused}");
     }
 }

@@ -6,6 +6,7 @@
 
 use crate::geometry::polygon::Box2;
 use crate::settings::Settings;
+use crate::text::refusal::{Refusal, refusal};
 use serde::{Deserialize, Serialize};
 
 /// Slack of the work area, mm: rounding of placed coordinates.
@@ -18,54 +19,6 @@ pub struct PartTransform {
     pub offset_mm: [f64; 3],
 }
 
-/// Why the part cannot be placed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum PlaceError {
-    /// Larger than the work area.
-    #[error(
-        "the part is {width_mm:.3} x {height_mm:.3} mm, the work area {area_width_mm} x \
-         {area_height_mm} mm: scale it down (--scale) or use a larger machine"
-    )]
-    TooLarge {
-        /// Part along x.
-        width_mm: f64,
-        /// Part along y.
-        height_mm: f64,
-        /// Work area along x.
-        area_width_mm: f64,
-        /// Work area along y.
-        area_height_mm: f64,
-    },
-    /// Higher than the work area.
-    #[error(
-        "the print is {height_mm:.3} mm high, the work area {area_height_mm} mm: print at most \
-         {layers_max} layers (--layers), thinner ones, or use a larger machine"
-    )]
-    TooHigh {
-        /// Print along z.
-        height_mm: f64,
-        /// Work area along z.
-        area_height_mm: f64,
-        /// Layers that would fit.
-        layers_max: u32,
-    },
-    /// Placed beyond the work area.
-    #[error(
-        "placed by --at, the part reaches {axis} = {value_mm:.3} mm, but the work area ends at \
-         {limit_mm} mm: move it by {over_mm:.3} mm"
-    )]
-    Outside {
-        /// Axis by name.
-        axis: &'static str,
-        /// The part's extreme coordinate on the machine.
-        value_mm: f64,
-        /// Where the work area ends.
-        limit_mm: f64,
-        /// How far it is beyond.
-        over_mm: f64,
-    },
-}
-
 impl PartTransform {
     /// `settings.at_mm`, or the part's box centred over the work area with its lowest point on
     /// the bed. `height_mm` is how far the part rises above its own z = 0.
@@ -73,7 +26,7 @@ impl PartTransform {
         bounds: Box2,
         height_mm: f64,
         settings: &Settings,
-    ) -> Result<PartTransform, PlaceError> {
+    ) -> Result<PartTransform, Refusal> {
         PartTransform::choose_box(bounds, [0.0, height_mm], settings)
     }
 
@@ -82,24 +35,25 @@ impl PartTransform {
         bounds: Box2,
         heights_mm: [f64; 2],
         settings: &Settings,
-    ) -> Result<PartTransform, PlaceError> {
+    ) -> Result<PartTransform, Refusal> {
         let [low, high] = settings.work_area_mm;
         let size = bounds.size();
         if size.x > high[0] - low[0] + SLACK_MM || size.y > high[1] - low[1] + SLACK_MM {
-            return Err(PlaceError::TooLarge {
-                width_mm: size.x,
-                height_mm: size.y,
-                area_width_mm: high[0] - low[0],
-                area_height_mm: high[1] - low[1],
-            });
+            return Err(refusal!(
+                "the part is {:.3} x {:.3} mm, the work area {} x {} mm: scale it down (--scale) or use a larger machine",
+                size.x,
+                size.y,
+                high[0] - low[0],
+                high[1] - low[1]
+            ));
         }
         let (height_mm, area_height_mm) = (heights_mm[1] - heights_mm[0], high[2] - low[2]);
         if settings.layers > 1 && height_mm > area_height_mm + SLACK_MM {
-            return Err(PlaceError::TooHigh {
-                height_mm,
-                area_height_mm,
-                layers_max: ((area_height_mm + SLACK_MM) / settings.layer_height_mm) as u32,
-            });
+            return Err(refusal!(
+                "the print is {height_mm:.3} mm high, the work area {area_height_mm} mm: print at most \
+                 {} layers (--layers), thinner ones, or use a larger machine",
+                ((area_height_mm + SLACK_MM) / settings.layer_height_mm) as u32
+            ));
         }
         let centre = |axis: usize| (low[axis] + high[axis]) / 2.0;
         let offset_mm = settings.at_mm.unwrap_or([
@@ -126,12 +80,10 @@ impl PartTransform {
                 ),
             ] {
                 if over_mm > SLACK_MM || over_mm.is_nan() {
-                    return Err(PlaceError::Outside {
-                        axis,
-                        value_mm,
-                        limit_mm,
-                        over_mm,
-                    });
+                    return Err(refusal!(
+                        "placed by --at, the part reaches {axis} = {value_mm:.3} mm, but the work area ends at \
+                         {limit_mm} mm: move it by {over_mm:.3} mm"
+                    ));
                 }
             }
         }
@@ -190,10 +142,13 @@ mod tests {
     fn what_does_not_fit_is_refused() {
         let mut settings = Settings::default();
         let wide = bounds(0.0, 0.0, 251.0, 10.0);
-        assert!(matches!(
-            PartTransform::choose(wide, 0.2, &settings),
-            Err(PlaceError::TooLarge { .. })
-        ));
+        let error = PartTransform::choose(wide, 0.2, &settings).expect_err("too wide");
+        assert!(
+            error
+                .to_string()
+                .starts_with("the part is 251.000 x 10.000 mm, "),
+            "{error}"
+        );
         settings.at_mm = Some([245.0, 0.0, 0.0]);
         let error = PartTransform::choose(bounds(0.0, 0.0, 10.0, 10.0), 0.2, &settings)
             .expect_err("beyond x");

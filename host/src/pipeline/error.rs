@@ -4,7 +4,6 @@ use super::surface::SurfaceError;
 use super::surface::curved_layers::CurvedLayersError;
 use crate::gcode::GcodeError;
 use crate::geometry::Point2;
-use crate::job::transform::PlaceError;
 use crate::plan::axis::medial_axis::MedialAxisError;
 use crate::plan::layers::layer_groups::TooLongError;
 use crate::plan::motion::best_place::NoPlaceError;
@@ -23,9 +22,9 @@ pub enum PlanError {
     /// The caller has stopped planning.
     #[error(transparent)]
     Stopped(#[from] Stopped),
-    /// The settings.
+    /// The settings are not possible, or the part does not fit on the machine.
     #[error(transparent)]
-    Settings(#[from] Refusal),
+    Refused(#[from] Refusal),
     /// The outline.
     #[error(transparent)]
     Contour(#[from] ContourError),
@@ -35,9 +34,6 @@ pub enum PlanError {
     /// A line of G-code that no machine could run in its lifetime.
     #[error(transparent)]
     Gcode(#[from] GcodeError),
-    /// The part does not fit on the machine.
-    #[error(transparent)]
-    Place(#[from] PlaceError),
     /// No position on the table at which the complete run is reachable.
     #[error(transparent)]
     NoPlace(#[from] NoPlaceError),

@@ -7,67 +7,9 @@
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::rounded_polygon::{Kind, RoundedPolygon, ShapeError};
+use crate::geometry::rounded_polygon::{Kind, RoundedPolygon};
 use crate::text::near_name::near_name;
-
-/// Why a description is not an aperture.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ApertureTextError {
-    /// No `kind:size`.
-    #[error(
-        "aperture '{text}': write ellipse:LxW, circle:D, stadium:LxW (full sizes in mm), rect:LxWxR (with \
-         the corner radius) or polygon:FILE"
-    )]
-    Form {
-        /// What was given.
-        text: String,
-    },
-    /// A size is not a number, or not positive.
-    #[error("aperture '{text}': '{size}' is not a size in mm greater than 0, as in 0.4")]
-    Size {
-        /// What was given.
-        text: String,
-        /// The part at fault.
-        size: String,
-    },
-    /// The sizes in the wrong order.
-    #[error(
-        "aperture '{text}': the first size lies along tool X and must not be the smaller one; \
-         write {kind}:{minor}x{major}"
-    )]
-    Order {
-        /// What was given.
-        text: String,
-        /// Its kind.
-        kind: String,
-        /// First size.
-        major: f64,
-        /// Second size.
-        minor: f64,
-    },
-    /// The corner radius is more than half the width.
-    #[error("aperture '{text}': the corner radius {radius} is more than half the width {width}")]
-    Radius {
-        /// What was given.
-        text: String,
-        /// Corner radius.
-        radius: f64,
-        /// Full width.
-        width: f64,
-    },
-    /// A polygon's text is not a list of corners.
-    #[error(
-        "aperture polygon: {problem}; write a list of corners in mm about the tool's axis, \
-         [[x, y], ...], or {{\"units\": \"mm\", \"exterior\": [[x, y], ...]}}"
-    )]
-    Corners {
-        /// What is wrong.
-        problem: String,
-    },
-    /// The corners are not a convex shape about the axis.
-    #[error("aperture polygon: {0}")]
-    Shape(#[from] ShapeError),
-}
+use crate::text::refusal::{Refusal, refusal};
 
 /// The name of the file that a description refers to; `None` where it stands on its own.
 pub fn file_of_aperture(text: &str) -> Option<&str> {
@@ -77,8 +19,8 @@ pub fn file_of_aperture(text: &str) -> Option<&str> {
 }
 
 /// Reads a description; a polygon's file must have been put in place of its name.
-pub fn parse_aperture(text: &str) -> Result<Aperture, ApertureTextError> {
-    let form = || ApertureTextError::Form { text: text.into() };
+pub fn parse_aperture(text: &str) -> Result<Aperture, Refusal> {
+    let form = || no_form(text);
     let (kind, rest) = text.split_once(':').ok_or_else(form)?;
     match kind.trim() {
         "circle" => {
@@ -108,44 +50,51 @@ pub fn parse_aperture(text: &str) -> Result<Aperture, ApertureTextError> {
             in_order(text, "rect", length_mm, width_mm)?;
             rectangle(text, length_mm, width_mm, radius.trim())
         }
-        "polygon" => Ok(Aperture::Rounded(RoundedPolygon::polygon(&corners(rest)?)?)),
+        "polygon" => {
+            let shape = RoundedPolygon::polygon(&corners(rest)?);
+            let shape = shape.map_err(|error| refusal!("aperture polygon: {error}"))?;
+            Ok(Aperture::Rounded(shape))
+        }
         _ => Err(form()),
     }
 }
 
 /// `N` sizes with an x between them.
-fn sizes<const N: usize>(text: &str, sizes: &str) -> Result<[f64; N], ApertureTextError> {
+fn sizes<const N: usize>(text: &str, sizes: &str) -> Result<[f64; N], Refusal> {
     let mut numbers = [0.0; N];
     let mut parts = sizes.split(['x', 'X']);
     for number in &mut numbers {
-        let form = || ApertureTextError::Form { text: text.into() };
-        let size = parts.next().ok_or_else(form)?.trim();
+        let size = parts.next().ok_or_else(|| no_form(text))?.trim();
         *number = match size.parse::<f64>() {
             Ok(value) if value.is_finite() && value > 0.0 => value,
-            _ => {
-                return Err(ApertureTextError::Size {
-                    text: text.into(),
-                    size: size.into(),
-                });
-            }
+            _ => return Err(no_size(text, size)),
         };
     }
     match parts.next() {
         None => Ok(numbers),
-        Some(_) => Err(ApertureTextError::Form { text: text.into() }),
+        Some(_) => Err(no_form(text)),
     }
 }
 
-fn in_order(text: &str, kind: &str, major: f64, minor: f64) -> Result<(), ApertureTextError> {
+fn in_order(text: &str, kind: &str, major: f64, minor: f64) -> Result<(), Refusal> {
     if major >= minor {
         return Ok(());
     }
-    Err(ApertureTextError::Order {
-        text: text.into(),
-        kind: kind.into(),
-        major,
-        minor,
-    })
+    Err(refusal!(
+        "aperture '{text}': the first size lies along tool X and must not be the smaller one; \
+         write {kind}:{minor}x{major}"
+    ))
+}
+
+fn no_form(text: &str) -> Refusal {
+    refusal!(
+        "aperture '{text}': write ellipse:LxW, circle:D, stadium:LxW (full sizes in mm), rect:LxWxR (with \
+         the corner radius) or polygon:FILE"
+    )
+}
+
+fn no_size(text: &str, size: &str) -> Refusal {
+    refusal!("aperture '{text}': '{size}' is not a size in mm greater than 0, as in 0.4")
 }
 
 /// Equal but for rounding.
@@ -161,28 +110,16 @@ fn circle(radius_mm: f64) -> Aperture {
 }
 
 /// A rectangle, or the slot or circle that a corner radius of half the width makes of it.
-fn rectangle(
-    text: &str,
-    length_mm: f64,
-    width_mm: f64,
-    radius: &str,
-) -> Result<Aperture, ApertureTextError> {
+fn rectangle(text: &str, length_mm: f64, width_mm: f64, radius: &str) -> Result<Aperture, Refusal> {
     let radius_mm = match radius.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => value,
-        _ => {
-            return Err(ApertureTextError::Size {
-                text: text.into(),
-                size: radius.into(),
-            });
-        }
+        _ => return Err(no_size(text, radius)),
     };
     let full = is_same(2.0 * radius_mm, width_mm);
     if 2.0 * radius_mm > width_mm && !full {
-        return Err(ApertureTextError::Radius {
-            text: text.into(),
-            radius: radius_mm,
-            width: width_mm,
-        });
+        return Err(refusal!(
+            "aperture '{text}': the corner radius {radius_mm} is more than half the width {width_mm}"
+        ));
     }
     Ok(match (full, is_same(length_mm, width_mm)) {
         (true, true) => circle(width_mm / 2.0),
@@ -192,8 +129,13 @@ fn rectangle(
 }
 
 /// Corners of a polygon's text: a list of them, or an outline as the inputs have it.
-fn corners(text: &str) -> Result<Vec<Vector2>, ApertureTextError> {
-    let refused = |problem: String| ApertureTextError::Corners { problem };
+fn corners(text: &str) -> Result<Vec<Vector2>, Refusal> {
+    let refused = |problem: String| {
+        refusal!(
+            "aperture polygon: {problem}; write a list of corners in mm about the tool's axis, \
+             [[x, y], ...], or {{\"units\": \"mm\", \"exterior\": [[x, y], ...]}}"
+        )
+    };
     let value: serde_json::Value =
         serde_json::from_str(text.trim()).map_err(|error| refused(error.to_string()))?;
     let keys = value

@@ -10,6 +10,8 @@
 //! file; angles count by the right hand, of what turns: the head, or the table. What could be meant in two ways is
 //! refused with the question that is to be answered. Leaves out files: `machine:` names one that others read.
 
+use crate::text::refusal::{Refusal, refusal};
+
 /// Rotary axes that a file has beside its heading, at most: two point a nozzle anywhere.
 const ROTARY_MAX: usize = 2;
 /// Farthest point on an axis, and farthest shift, mm.
@@ -22,81 +24,6 @@ const PRINCIPAL: [(&str, [f64; 3]); 3] = [
     ("y", [0.0, 1.0, 0.0]),
     ("z", [0.0, 0.0, 1.0]),
 ];
-
-/// Why the words cannot be followed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum AxesError {
-    /// A term that is none.
-    #[error(
-        "'{term}' is no term of axes: write LETTER=head:AXIS or LETTER=table:AXIS (x, y, z, -z, or a direction as \
-         0/1/1; :at=X/Y/Z is a point on it, :zero=DEG its angle at 0), LETTER=heading, coordinates=tip or pivot, \
-         feed=tip, xyz or all, shift=X/Y/Z, lean=DEG, extruder=LETTER, machine:FILE"
-    )]
-    Term {
-        /// What stands there.
-        term: String,
-    },
-    /// A number, or three of them.
-    #[error("'{term}': '{text}' is not {wanted}")]
-    Number {
-        /// The term.
-        term: String,
-        /// What stands there.
-        text: String,
-        /// What was wanted.
-        wanted: &'static str,
-    },
-    /// The same twice.
-    #[error("{name} is given twice: each letter and each word once")]
-    Twice {
-        /// What.
-        name: String,
-    },
-    /// More axes than are known.
-    #[error(
-        "{count} rotary axes beside the heading: two in head and table point a nozzle anywhere, and more than two \
-         are not read; write the file's poses as waypoints"
-    )]
-    Many {
-        /// How many.
-        count: usize,
-    },
-    /// Which coordinates they are.
-    #[error(
-        "are X, Y and Z the tip's place in the part's frame (TCP, RTCP, G43.4, as if the part stood still), or the \
-         machine's linear axes, which move along as {name} turns? Say coordinates=tip or coordinates=pivot"
-    )]
-    Coordinates {
-        /// A rotary axis.
-        name: String,
-    },
-    /// Where an axis of the head passes.
-    #[error(
-        "where does {name}'s axis pass the nozzle's tip? Say it with a point on it, counted from the tip with all \
-         rotary axes at 0, as in {name}=head:...:at=0/0/42; at=0/0/0 passes through the tip"
-    )]
-    Pivot {
-        /// The axis.
-        name: String,
-    },
-    /// Words that exclude each other.
-    #[error("{problem}")]
-    Odds {
-        /// What is at odds, and what to do.
-        problem: &'static str,
-    },
-    /// Letters of a machine's joints.
-    #[error(
-        "letters= has {given}, and that machine has the joints {joints}: write one for each, in this order, as in \
-         letters=X/Y/Z/B/C/H"
-    )]
-    Letters {
-        /// How many there are.
-        given: usize,
-        /// Its joints.
-        joints: String,
-    },
-}
 
 /// What X, Y and Z are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -182,8 +109,8 @@ impl AxesWords {
     /// Reads them.
     ///
     /// # Errors
-    /// [`AxesError`], the first.
-    pub fn parse(text: &str) -> Result<AxesWords, AxesError> {
+    /// A [`Refusal`], the first.
+    pub fn parse(text: &str) -> Result<AxesWords, Refusal> {
         let mut words = AxesWords {
             text: text.trim().to_string(),
             ..AxesWords::default()
@@ -193,7 +120,7 @@ impl AxesWords {
             let name = term.split(['=', ':']).next().unwrap_or(term).trim();
             let name = name.trim_start_matches('-').to_ascii_lowercase();
             if names.contains(&name) {
-                return Err(AxesError::Twice { name });
+                return Err(twice(&name));
             }
             names.push(name);
             words.take(term)?;
@@ -202,8 +129,8 @@ impl AxesWords {
         Ok(words)
     }
 
-    fn take(&mut self, term: &str) -> Result<(), AxesError> {
-        let none = || AxesError::Term { term: short(term) };
+    fn take(&mut self, term: &str) -> Result<(), Refusal> {
+        let none = || no_term(term);
         if let Some(rest) = term.strip_prefix("machine") {
             self.machine = Some(match rest.strip_prefix(':').map(str::trim) {
                 Some(file) if !file.is_empty() => MachineWord::File(file.to_string()),
@@ -243,8 +170,8 @@ impl AxesWords {
     }
 
     /// `LETTER=head:AXIS`, `LETTER=table:AXIS` or `LETTER=heading`.
-    fn axis(&mut self, term: &str, name: &str, value: &str) -> Result<(), AxesError> {
-        let none = || AxesError::Term { term: short(term) };
+    fn axis(&mut self, term: &str, name: &str, value: &str) -> Result<(), Refusal> {
+        let none = || no_term(term);
         let (negated, name) = match name.strip_prefix('-') {
             Some(name) => (true, name),
             None => (false, name),
@@ -260,7 +187,7 @@ impl AxesWords {
             }
             if self.heading.is_some() {
                 let name = "the heading".to_string();
-                return Err(AxesError::Twice { name });
+                return Err(twice(&name));
             }
             self.heading = Some(HeadingWord {
                 name,
@@ -299,12 +226,15 @@ impl AxesWords {
     }
 
     /// What could be meant in two ways, and what contradicts itself.
-    fn check(&self) -> Result<(), AxesError> {
+    fn check(&self) -> Result<(), Refusal> {
         let count = self.rotary.len();
         if count > ROTARY_MAX {
-            return Err(AxesError::Many { count });
+            return Err(refusal!(
+                "{count} rotary axes beside the heading: two in head and table point a nozzle anywhere, and more than two \
+                 are not read; write the file's poses as waypoints"
+            ));
         }
-        let odds = |problem| Err(AxesError::Odds { problem });
+        let odds = |problem: &str| Err(refusal!("{problem}"));
         let has_own = count > 0 || self.heading.is_some();
         match &self.machine {
             Some(_) if has_own || self.lean_rad != 0.0 => {
@@ -322,14 +252,20 @@ impl AxesWords {
         };
         if self.coordinates.is_none() {
             let name = first.name.clone();
-            return Err(AxesError::Coordinates { name });
+            return Err(refusal!(
+                "are X, Y and Z the tip's place in the part's frame (TCP, RTCP, G43.4, as if the part stood still), or the \
+                 machine's linear axes, which move along as {name} turns? Say coordinates=tip or coordinates=pivot"
+            ));
         }
         let is_open = |axis: &&RotaryWord| !axis.on_table && axis.at_mm.is_none();
         if self.coordinates == Some(Coordinates::Pivot)
             && let Some(axis) = self.rotary.iter().find(is_open)
         {
-            let name = axis.name.clone();
-            return Err(AxesError::Pivot { name });
+            let name = &axis.name;
+            return Err(refusal!(
+                "where does {name}'s axis pass the nozzle's tip? Say it with a point on it, counted from the tip with all \
+                 rotary axes at 0, as in {name}=head:...:at=0/0/42; at=0/0/0 passes through the tip"
+            ));
         }
         Ok(())
     }
@@ -358,21 +294,21 @@ fn number(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|n: &f64| n.is_finite())
 }
 
-fn degrees(term: &str, text: &str) -> Result<f64, AxesError> {
+fn degrees(term: &str, text: &str) -> Result<f64, Refusal> {
     let given = number(text).filter(|degrees| degrees.abs() <= 360.0);
     given
         .map(f64::to_radians)
         .ok_or_else(|| wrong(term, text, "an angle of -360 to 360 degrees"))
 }
 
-fn lean_rad(term: &str, text: &str) -> Result<f64, AxesError> {
+fn lean_rad(term: &str, text: &str) -> Result<f64, Refusal> {
     let given = number(text).filter(|degrees| degrees.abs() <= LEAN_MAX_DEG);
     given
         .map(f64::to_radians)
         .ok_or_else(|| wrong(term, text, "an angle of -89 to 89 degrees"))
 }
 
-fn three(term: &str, text: &str, wanted: &'static str) -> Result<[f64; 3], AxesError> {
+fn three(term: &str, text: &str, wanted: &str) -> Result<[f64; 3], Refusal> {
     let numbers: Option<Vec<f64>> = text.split('/').map(number).collect();
     let three = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
     three
@@ -381,7 +317,7 @@ fn three(term: &str, text: &str, wanted: &'static str) -> Result<[f64; 3], AxesE
 }
 
 /// `x`, `-y`, `0/1/1`: a unit vector.
-fn direction(term: &str, text: &str) -> Result<[f64; 3], AxesError> {
+fn direction(term: &str, text: &str) -> Result<[f64; 3], Refusal> {
     let (sign, plain) = match text.strip_prefix('-') {
         Some(plain) => (-1.0, plain),
         None => (1.0, text),
@@ -399,12 +335,22 @@ fn direction(term: &str, text: &str) -> Result<[f64; 3], AxesError> {
     }
 }
 
-fn wrong(term: &str, text: &str, wanted: &'static str) -> AxesError {
-    AxesError::Number {
-        term: short(term),
-        text: short(text),
-        wanted,
-    }
+fn no_term(term: &str) -> Refusal {
+    refusal!(
+        "'{}' is no term of axes: write LETTER=head:AXIS or LETTER=table:AXIS (x, y, z, -z, or a direction as \
+         0/1/1; :at=X/Y/Z is a point on it, :zero=DEG its angle at 0), LETTER=heading, coordinates=tip or pivot, \
+         feed=tip, xyz or all, shift=X/Y/Z, lean=DEG, extruder=LETTER, machine:FILE",
+        short(term)
+    )
+}
+
+fn twice(name: &str) -> Refusal {
+    refusal!("{name} is given twice: each letter and each word once")
+}
+
+fn wrong(term: &str, text: &str, wanted: &str) -> Refusal {
+    let (term, text) = (short(term), short(text));
+    refusal!("'{term}': '{text}' is not {wanted}")
 }
 
 fn short(text: &str) -> String {

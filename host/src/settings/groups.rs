@@ -4,7 +4,6 @@
 //! written, with the comments that stand above them. Leaves out joints, axes, motors, drivers, switches and wiring, whose
 //! keys depend on the kinematics.
 
-use super::aperture_text::ApertureTextError;
 use super::heat::{Material, PAUSE_HEAT_MAX_MIN_MOST};
 use super::keys::{
     ApertureWords, Asked, AskedSwitch, Count, CountFromTwo, Degrees, Form, Known, KnownCount,

@@ -3,10 +3,10 @@
 //! In: groups of keys ([`keys!`], used in [`super::groups`]). Out: for each group a struct that serde reads, the settings
 //! with what it gives, the group's text, the check of its ranges. Leaves out what depends on other settings.
 
-use super::aperture_text::{ApertureTextError, aperture_text, parse_aperture};
+use super::aperture_text::{aperture_text, parse_aperture};
 use super::check::{in_range, sensible};
 use crate::geometry::aperture::Aperture;
-use crate::text::refusal::Refusal;
+use crate::text::refusal::{Refusal, refusal};
 use serde::de::DeserializeOwned;
 use std::marker::PhantomData;
 
@@ -18,7 +18,7 @@ pub(super) trait Form {
     type Setting;
 
     /// The setting that is given; `None` leaves it as it is.
-    fn read(given: Self::Given) -> Result<Option<Self::Setting>, ApertureTextError>;
+    fn read(given: Self::Given) -> Result<Option<Self::Setting>, Refusal>;
 
     /// Its text; `None` where the key is left out, which a file with `all` keys has nevertheless.
     fn written(setting: &Self::Setting, all: bool) -> Option<String>;
@@ -38,8 +38,8 @@ macro_rules! form {
         impl Form for $name {
             type Given = Option<$given>;
             type Setting = $setting;
-            fn read(given: Option<$given>) -> Result<Option<$setting>, ApertureTextError> {
-                let read: fn($given) -> Result<$setting, ApertureTextError> = $read;
+            fn read(given: Option<$given>) -> Result<Option<$setting>, Refusal> {
+                let read: fn($given) -> Result<$setting, Refusal> = $read;
                 given.map(read).transpose()
             }
             fn written($value: &$setting, $all: bool) -> Option<String> {
@@ -97,7 +97,9 @@ form! {
 }
 form! {
     /// The nozzle's aperture in words.
-    ApertureWords: String => Aperture, |given| parse_aperture(&given), |value, _all| Some(quoted(&aperture_text(value))), |_| None
+    ApertureWords: String => Aperture, |given| {
+        parse_aperture(&given).map_err(|refused| refusal!("print.aperture: {refused}"))
+    }, |value, _all| Some(quoted(&aperture_text(value))), |_| None
 }
 
 /// One of a few by name.
@@ -106,7 +108,7 @@ pub(super) struct Named<T>(PhantomData<T>);
 impl<T: super::choices::Choice> Form for Named<T> {
     type Given = Option<T>;
     type Setting = T;
-    fn read(given: Option<T>) -> Result<Option<T>, ApertureTextError> {
+    fn read(given: Option<T>) -> Result<Option<T>, Refusal> {
         Ok(given)
     }
     fn written(setting: &T, _: bool) -> Option<String> {
@@ -120,7 +122,7 @@ pub(super) struct Required<F>(PhantomData<F>);
 impl<V: DeserializeOwned + Clone, F: Form<Given = Option<V>>> Form for Required<F> {
     type Given = V;
     type Setting = F::Setting;
-    fn read(given: V) -> Result<Option<F::Setting>, ApertureTextError> {
+    fn read(given: V) -> Result<Option<F::Setting>, Refusal> {
         F::read(Some(given))
     }
     fn written(setting: &F::Setting, all: bool) -> Option<String> {
@@ -166,7 +168,7 @@ macro_rules! keys {
 
         impl $name {
             /// Sets what is given.
-            pub(super) fn set(&self, settings: &mut $root) -> Result<(), ApertureTextError> {
+            pub(super) fn set(&self, settings: &mut $root) -> Result<(), Refusal> {
                 $(if let Some(value) = <$form as Form>::read(self.$key.clone())? {
                     settings.$($place).+ $([$index])? = value;
                 })+

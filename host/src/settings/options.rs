@@ -3,7 +3,7 @@
 //! In: [`Settings`] of a machine, and options, `None` where the machine's stay. Out: settings, checked
 //! as a whole. The same for the command and for library users. Leaves out where the input lies.
 
-use super::aperture_text::{ApertureTextError, parse_aperture};
+use super::aperture_text::parse_aperture;
 use super::check::in_range;
 use super::curved_layers::CurvedLayers;
 use super::{
@@ -230,10 +230,7 @@ pub(crate) const OF_OUTLINES: &str = "--layers, --copies, --copy-gap, --walls, -
 /// Options that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum OptionsError {
-    /// The aperture is none.
-    #[error(transparent)]
-    Aperture(#[from] ApertureTextError),
-    /// The settings are not possible, or not together.
+    /// The aperture is none, or the settings are not possible, or not together.
     #[error(transparent)]
     Settings(#[from] Refusal),
     /// Lines, and no walls that they are inside of.

@@ -4,8 +4,9 @@ use crate::cli::error::CliError;
 use crate::cli::reading::load;
 use crate::gcode::axes::{FileAxes, FileMachine};
 use crate::input::Format;
-use crate::settings::axes_words::{AxesError, AxesWords, MachineWord};
+use crate::settings::axes_words::{AxesWords, MachineWord};
 use crate::settings::{Settings, joint_names};
+use crate::text::refusal::Refusal;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -31,7 +32,7 @@ pub(crate) fn of(
     let Some(text) = option.or(settings.gcode_axes.as_deref()) else {
         return Ok(None);
     };
-    let wrong = |error: AxesError| CliError::Usage(format!("{name} \"{text}\": {error}"));
+    let wrong = |error: Refusal| CliError::Usage(format!("{name} \"{text}\": {error}"));
     let words = AxesWords::parse(text).map_err(wrong)?;
     let of_file = match &words.machine {
         Some(MachineWord::File(file)) => Some(load::machine(Path::new(file))?),

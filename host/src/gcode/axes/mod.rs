@@ -10,7 +10,8 @@
 pub mod legs;
 
 use crate::gcode::Place;
-use crate::settings::axes_words::{AxesError, AxesWords, Coordinates, FeedOf};
+use crate::settings::axes_words::{AxesWords, Coordinates, FeedOf};
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
 use headway_firmware::kinematics::Model;
@@ -73,8 +74,8 @@ impl FileAxes {
     /// The axes that words say; `machine` is that which they name, if they name one.
     ///
     /// # Errors
-    /// [`AxesError`] where letters do not fit the machine's joints.
-    pub fn new(words: &AxesWords, machine: Option<&FileMachine>) -> Result<FileAxes, AxesError> {
+    /// A [`Refusal`] where letters do not fit the machine's joints.
+    pub fn new(words: &AxesWords, machine: Option<&FileMachine>) -> Result<FileAxes, Refusal> {
         let (model, slots, heading) = match machine {
             Some(machine) => of_machine(words, machine)?,
             None => of_words(words),
@@ -247,13 +248,10 @@ fn of_words(words: &AxesWords) -> Parts {
 
 /// The joints of a machine: linear ones as X, Y, Z, the others behind them, by their names or by letters that are
 /// given.
-fn of_machine(words: &AxesWords, machine: &FileMachine) -> Result<Parts, AxesError> {
+fn of_machine(words: &AxesWords, machine: &FileMachine) -> Result<Parts, Refusal> {
     let letters = match &words.letters {
         Some(letters) if letters.len() != machine.joints.len() => {
-            return Err(AxesError::Letters {
-                given: letters.len(),
-                joints: machine.joints.join(", "),
-            });
+            return Err(wrong_letters(letters.len(), machine.joints));
         }
         Some(letters) => letters.clone(),
         None => default_letters(machine.joints)?,
@@ -285,15 +283,21 @@ fn of_machine(words: &AxesWords, machine: &FileMachine) -> Result<Parts, AxesErr
 }
 
 /// The letters of joints that are named by letters.
-fn default_letters(joints: &[&str]) -> Result<Vec<u8>, AxesError> {
+fn default_letters(joints: &[&str]) -> Result<Vec<u8>, Refusal> {
     let letters = joints.iter().map(|name| match name.as_bytes() {
         [letter] => Some(letter.to_ascii_uppercase()),
         _ => None,
     });
-    letters.collect::<Option<_>>().ok_or(AxesError::Letters {
-        given: 0,
-        joints: joints.join(", "),
-    })
+    let letters = letters.collect::<Option<_>>();
+    letters.ok_or_else(|| wrong_letters(0, joints))
+}
+
+fn wrong_letters(given: usize, joints: &[&str]) -> Refusal {
+    refusal!(
+        "letters= has {given}, and that machine has the joints {}: write one for each, in this order, as in \
+         letters=X/Y/Z/B/C/H",
+        joints.join(", ")
+    )
 }
 
 #[cfg(test)]

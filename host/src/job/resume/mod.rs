@@ -20,9 +20,10 @@ pub use reached::{LoggedStream, Reached, ReachedError};
 use crate::job::SegmentStream;
 use crate::job::heat::HeatEvent;
 use crate::settings::Settings;
+use crate::text::refusal::Refusal;
 use approach::{Approach, ApproachError, approach};
 use headway_firmware::configuration::MachineConfiguration;
-use rest::{Printed, Rest, RestError, check_flat, printed_between, printed_top_mm, rest_of};
+use rest::{Printed, Rest, check_flat, printed_between, printed_top_mm, rest_of};
 use thiserror::Error;
 
 /// Layer height of a job that does not contain its own, mm.
@@ -57,7 +58,7 @@ pub struct Parts {
 pub enum ResumeError {
     /// There is nothing to begin with.
     #[error(transparent)]
-    Rest(#[from] RestError),
+    Rest(#[from] Refusal),
     /// There is no approach to it.
     #[error(transparent)]
     Approach(#[from] ApproachError),

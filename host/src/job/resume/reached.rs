@@ -3,9 +3,10 @@
 //! In: the contents of a log (`drive::log_place`), the job. Out: servo ticks of the job. The log of a resumed job
 //! counts from the point where it was resumed. Not covered: reading the log.
 
-use super::rest::{RestError, pass_at, rest_of};
+use super::rest::{pass_at, rest_of};
 use crate::job::SegmentStream;
 use crate::job::frames::{WireFrames, WireFramesError};
+use crate::text::refusal::Refusal;
 use headway_firmware::design::LINE_TICKS;
 use thiserror::Error;
 
@@ -57,7 +58,7 @@ pub enum ReachedError {
     },
     /// What was left of the job then cannot be made again.
     #[error(transparent)]
-    Rest(#[from] RestError),
+    Rest(#[from] Refusal),
     /// The same.
     #[error(transparent)]
     Frames(#[from] WireFramesError),
@@ -103,8 +104,8 @@ impl Reached {
     /// The incomplete pass; between two passes the next one.
     ///
     /// # Errors
-    /// [`RestError::NothingLeft`].
-    pub fn pass(&self, stream: &SegmentStream) -> Result<u32, RestError> {
+    /// A [`Refusal`].
+    pub fn pass(&self, stream: &SegmentStream) -> Result<u32, Refusal> {
         pass_at(stream, self.done_tick.saturating_sub(BEHIND_TICKS))
     }
 }

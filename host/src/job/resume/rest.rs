@@ -11,6 +11,7 @@
 
 use crate::job::heat::{HeatEvent, HeatOrder};
 use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream, dwell_spans};
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::path::spline::Span;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
 use headway_protocol::units::{
@@ -18,7 +19,6 @@ use headway_protocol::units::{
 };
 use std::collections::HashMap;
 use std::f64::consts::TAU;
-use thiserror::Error;
 
 /// Cells in which a pass is searched for places where it overlaps itself, mm: less than a bead's width.
 const CELL_MM: f64 = 0.25;
@@ -55,74 +55,31 @@ pub struct Printed {
     pub time_s: f64,
 }
 
-/// Why there is no rest.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum RestError {
-    /// Everything was printed.
-    #[error("the job was printed to its last pass: nothing is left")]
-    NothingLeft,
-    /// The job has no such pass.
-    #[error("the job has no pass {pass}: they are counted from 0 to {last}")]
-    NoPass {
-        /// The requested pass.
-        pass: u32,
-        /// The job's last one.
-        last: u32,
-    },
-    /// The job has no such layer.
-    #[error("the job prints nothing in layer {layer}: it has layers 1 to {layers}")]
-    NoLayer {
-        /// The requested layer, from 1.
-        layer: u32,
-        /// Layers of the job.
-        layers: u32,
-    },
-    /// A pass does not begin at rest.
-    #[error("pass {pass} does not begin at rest between two spans: plan the job again")]
-    NoRest {
-        /// The pass.
-        pass: u32,
-    },
-    /// The pass has risen above its start.
-    #[error(
-        "pass {pass} lies on itself (at {x_mm:.1}, {y_mm:.1} mm on the machine it comes back {rise_mm:.2} mm higher): begun again \
-         at its start the nozzle would run into what is printed; print what is left as a job of its own, or begin \
-         at another pass"
-    )]
-    Stacked {
-        /// The pass.
-        pass: u32,
-        /// Where it overlaps itself, machine coordinates.
-        x_mm: f64,
-        /// The same.
-        y_mm: f64,
-        /// By how much it is higher.
-        rise_mm: f64,
-    },
-}
-
 /// The incomplete pass of a stream that is done up to a tick; between two passes the next one.
 ///
 /// # Errors
-/// [`RestError::NothingLeft`].
-pub fn pass_at(stream: &SegmentStream, done_tick: u64) -> Result<u32, RestError> {
+/// A [`Refusal`].
+pub fn pass_at(stream: &SegmentStream, done_tick: u64) -> Result<u32, Refusal> {
     let left = passes(stream).filter(|(_, mark)| mark.end_tick > done_tick);
     // The first in time.
     let first = left.map(|(pass, _)| pass).next();
-    first.ok_or(RestError::NothingLeft)
+    first.ok_or_else(nothing_left)
+}
+
+fn nothing_left() -> Refusal {
+    refusal!("the job was printed to its last pass: nothing is left")
 }
 
 /// The first pass of a layer, counted from 1.
 ///
 /// # Errors
-/// [`RestError::NoLayer`].
-pub fn pass_of_layer(stream: &SegmentStream, layer: u32) -> Result<u32, RestError> {
+/// A [`Refusal`].
+pub fn pass_of_layer(stream: &SegmentStream, layer: u32) -> Result<u32, Refusal> {
     let of_layer = |(_, mark): &(u32, &Mark)| Some(mark.layer) == layer.checked_sub(1);
     let first = passes(stream).find(of_layer);
     let layers = stream.layers();
-    first
-        .map(|(pass, _)| pass)
-        .ok_or(RestError::NoLayer { layer, layers })
+    let none = || refusal!("the job prints nothing in layer {layer}: it has layers 1 to {layers}");
+    first.map(|(pass, _)| pass).ok_or_else(none)
 }
 
 /// Moves that print, with their passes.
@@ -135,13 +92,14 @@ fn passes(stream: &SegmentStream) -> impl Iterator<Item = (u32, &Mark)> {
 /// The stream from a pass's start on.
 ///
 /// # Errors
-/// [`RestError`].
-pub fn rest_of(stream: &SegmentStream, heat: &[HeatEvent], pass: u32) -> Result<Rest, RestError> {
+/// A [`Refusal`].
+pub fn rest_of(stream: &SegmentStream, heat: &[HeatEvent], pass: u32) -> Result<Rest, Refusal> {
     let last = passes(stream).map(|(pass, _)| pass).max();
-    let last = last.ok_or(RestError::NothingLeft)?;
+    let last = last.ok_or_else(nothing_left)?;
     let is_first = |mark: &Mark| mark.state == MotionState::Print && mark.pass == Some(pass);
     let printed = stream.marks.iter().position(is_first);
-    let printed = printed.ok_or(RestError::NoPass { pass, last })?;
+    let printed = printed
+        .ok_or_else(|| refusal!("the job has no pass {pass}: they are counted from 0 to {last}"))?;
     // Primes and rests at the pass's start are its own.
     let stands = |mark: &Mark| matches!(mark.state, MotionState::Prime | MotionState::Hold);
     let before = stream.marks[..printed].iter().rev();
@@ -149,10 +107,12 @@ pub fn rest_of(stream: &SegmentStream, heat: &[HeatEvent], pass: u32) -> Result<
     let (cut_tick, layer) = (stream.marks[first].start_tick, stream.marks[printed].layer);
 
     let durations = durations_ticks(&stream.knots);
-    let span = span_at(&durations, cut_tick).ok_or(RestError::NoRest { pass })?;
-    let start = rest_before(stream, span).ok_or(RestError::NoRest { pass })?;
+    let no_rest =
+        || refusal!("pass {pass} does not begin at rest between two spans: plan the job again");
+    let span = span_at(&durations, cut_tick).ok_or_else(no_rest)?;
+    let start = rest_before(stream, span).ok_or_else(no_rest)?;
     let print_span = span_at(&durations, stream.marks[printed].start_tick);
-    let print_span = print_span.ok_or(RestError::NoRest { pass })? as u32;
+    let print_span = print_span.ok_or_else(no_rest)? as u32;
     let own = own_prime(stream, span as u32, print_span);
     let primed = own.is_some();
     let dwell = own.map_or(Vec::new(), |event| {
@@ -341,12 +301,8 @@ pub fn printed_top_mm(stream: &SegmentStream, before_tick: u64) -> Option<f64> {
 /// Refuses a pass that is on top of itself: its start is below its own print.
 ///
 /// # Errors
-/// [`RestError::Stacked`] if it returns to a place higher by more than half a layer and a cell's slope.
-pub fn check_flat(
-    stream: &SegmentStream,
-    pass: u32,
-    layer_height_mm: f64,
-) -> Result<(), RestError> {
+/// A [`Refusal`] if it returns to a place higher by more than half a layer and a cell's slope.
+pub fn check_flat(stream: &SegmentStream, pass: u32, layer_height_mm: f64) -> Result<(), Refusal> {
     let rise_max_mm = CELL_MM + 0.5 * layer_height_mm;
     let mut lowest: HashMap<[i64; 2], f64> = HashMap::new();
     let mut found = Ok(());
@@ -360,12 +316,11 @@ pub fn check_flat(
             let rise_mm = z_mm - *low_mm;
             *low_mm = low_mm.min(z_mm);
             if rise_mm > rise_max_mm {
-                found = Err(RestError::Stacked {
-                    pass,
-                    x_mm,
-                    y_mm,
-                    rise_mm,
-                });
+                found = Err(refusal!(
+                    "pass {pass} lies on itself (at {x_mm:.1}, {y_mm:.1} mm on the machine it comes back {rise_mm:.2} mm \
+                     higher): begun again at its start the nozzle would run into what is printed; print what is left as a \
+                     job of its own, or begin at another pass"
+                ));
                 return;
             }
         }

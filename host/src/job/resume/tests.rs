@@ -6,6 +6,7 @@ use super::*;
 use crate::drive::test_streams::{planar, spiral};
 use crate::job::heat::{BED, HOT_END, HeatOrder};
 use crate::job::{Mark, MotionState};
+use crate::text::refusal::Refusal;
 use headway_protocol::segment::{FlowAction, Knot};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_Z, Units, to_units};
 use std::f64::consts::TAU;
@@ -192,28 +193,23 @@ fn places_are_passes_and_what_is_no_place_is_refused() {
     ] {
         assert_eq!(pass_at(&job, tick), Ok(pass), "{tick}");
     }
-    assert_eq!(pass_at(&job, second[1]), Err(RestError::NothingLeft));
+    let refused = |of: Result<String, Refusal>, words: &str| {
+        let text = of.expect_err(words).to_string();
+        assert!(text.contains(words), "{text}");
+    };
+    let pass = |of: Result<u32, Refusal>| of.map(|pass| pass.to_string());
+    let rest = |of: &SegmentStream, number: u32| rest_of(of, &[], number).map(|_| String::new());
+    refused(pass(pass_at(&job, second[1])), "nothing is left");
     assert_eq!(pass_of_layer(&job, 2), Ok(1));
-    assert_eq!(
-        pass_of_layer(&job, 0),
-        Err(RestError::NoLayer {
-            layer: 0,
-            layers: 2
-        })
-    );
-    assert_eq!(
-        rest_of(&job, &[], 2),
-        Err(RestError::NoPass { pass: 2, last: 1 })
-    );
-    assert_eq!(
-        rest_of(&SegmentStream::default(), &[], 0),
-        Err(RestError::NothingLeft)
-    );
+    let none = "prints nothing in layer 0: it has layers 1 to 2";
+    refused(pass(pass_of_layer(&job, 0)), none);
+    refused(rest(&job, 2), "no pass 2: they are counted from 0 to 1");
+    refused(rest(&SegmentStream::default(), 0), "nothing is left");
     let mut broken = job.clone();
     for mark in &mut broken.marks[4..] {
         mark.start_tick += 1;
     }
-    assert_eq!(rest_of(&broken, &[], 1), Err(RestError::NoRest { pass: 1 }));
+    refused(rest(&broken, 1), "pass 1 does not begin at rest");
     let reached = Reached {
         done_tick: second[0] + 3000,
         sent_tick: second[0] + 4000,
@@ -246,10 +242,13 @@ fn a_pass_that_lies_on_itself_is_not_begun_again() {
     for mark in &mut tower.marks {
         mark.pass = mark.pass.map(|_| 0);
     }
-    let refused = check_flat(&tower, 0, 0.2);
-    let Err(RestError::Stacked { rise_mm, .. }) = refused else {
-        panic!("{refused:?}");
-    };
+    let refused = check_flat(&tower, 0, 0.2).expect_err("stacked").to_string();
+    let rise = refused
+        .split_once("it comes back ")
+        .and_then(|(_, rest)| rest.split_once(" mm"));
+    let rise_mm: f64 = rise
+        .and_then(|(rise, _)| rise.parse().ok())
+        .expect(&refused);
     assert!((1.9..2.2).contains(&rise_mm), "{rise_mm}");
     let machine = to_units(&[0.0; 7]);
     assert_ne!(machine, tower.start);

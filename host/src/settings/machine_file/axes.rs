@@ -12,8 +12,9 @@
 //! In: directions of any length, offsets in mm. Out: the firmware's family. A single axis under the part makes a polar
 //! table. `kinematics = "gantry"` and the other names stay strings.
 
+use super::KinematicsName;
 use super::write::{nice, number, triple};
-use super::{KinematicsName, MachineFileError};
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
 use serde::de::{Deserializer, Error, MapAccess, Visitor};
@@ -77,13 +78,13 @@ impl<'de> Deserialize<'de> for FileKinematics {
     }
 }
 
-fn wrong(problem: impl Into<String>) -> MachineFileError {
-    MachineFileError::Toml(format!("kinematics: {}", problem.into()))
+fn wrong(problem: impl Into<String>) -> Refusal {
+    refusal!("kinematics: {}", problem.into())
 }
 
 impl FileAxes {
     /// The family; refuses axes that cannot point a nozzle.
-    pub(super) fn family(&self) -> Result<AxisFamily, MachineFileError> {
+    pub(super) fn family(&self) -> Result<AxisFamily, Refusal> {
         let axes: Vec<RotaryAxis> = self
             .rotary
             .iter()
@@ -113,7 +114,7 @@ impl FileAxes {
 }
 
 impl FileRotary {
-    fn axis(&self) -> Result<RotaryAxis, MachineFileError> {
+    fn axis(&self) -> Result<RotaryAxis, Refusal> {
         let [x, y, z] = self.axis;
         let length = (x * x + y * y + z * z).sqrt();
         // Written so that a NaN is refused.

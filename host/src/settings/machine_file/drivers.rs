@@ -1,9 +1,9 @@
 //! `[drivers]` of a machine file: a group for each motor whose TMC2209 the board sets up.
 
-use super::MachineFileError;
 use crate::settings::drivers::motor_names;
 use crate::settings::heading_joint::heading_joint_name;
 use crate::settings::{HeadingMotor, Settings};
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::drivers::{
     Chopper, DriverConfiguration, DriversConfiguration,
@@ -67,15 +67,16 @@ fn steps_key(machine: &MachineConfiguration, motor: usize) -> &'static str {
 pub(super) fn drivers(
     given: &BTreeMap<String, FileDriver>,
     machine: &MachineConfiguration,
-) -> Result<DriversConfiguration, MachineFileError> {
+) -> Result<DriversConfiguration, Refusal> {
     let names = motor_names(machine);
     let mut found = vec![None; names.len()];
     for (name, driver) in given {
         let motor = names.iter().position(|motor| motor == name);
         let Some(motor) = motor else {
             let known = names.join(", ");
-            let problem = format!("drivers.{name}: the machine has the motors {known}");
-            return Err(MachineFileError::Toml(problem));
+            return Err(refusal!(
+                "drivers.{name}: the machine has the motors {known}"
+            ));
         };
         if !driver.is_motor_alone() {
             found[motor] = Some(driver.driver(name, steps_key(machine, motor))?);
@@ -94,7 +95,7 @@ pub(super) fn drivers(
 pub(super) fn heading_motor(
     given: &BTreeMap<String, FileDriver>,
     machine: &MachineConfiguration,
-) -> Result<Option<HeadingMotor>, MachineFileError> {
+) -> Result<Option<HeadingMotor>, Refusal> {
     let heading = heading_joint_name(&machine.kinematics);
     let mut found = None;
     for (name, driver) in given {
@@ -107,10 +108,9 @@ pub(super) fn heading_motor(
                 let whose = heading.map_or("the machine has none".to_string(), |heading| {
                     format!("give it to [drivers.{heading}]")
                 });
-                let problem = format!(
+                return Err(refusal!(
                     "drivers.{name}.torque_nm goes with the joint that turns the nozzle: {whose}"
-                );
-                return Err(MachineFileError::Toml(problem));
+                ));
             }
         }
     }
@@ -119,7 +119,7 @@ pub(super) fn heading_motor(
 
 impl FileDriver {
     /// All of its numbers, or none.
-    fn heading_motor(&self, name: &str) -> Result<Option<HeadingMotor>, MachineFileError> {
+    fn heading_motor(&self, name: &str) -> Result<Option<HeadingMotor>, Refusal> {
         let needed = [
             ("torque_nm", self.torque_nm),
             ("rotor_inertia_g_cm2", self.rotor_inertia_g_cm2),
@@ -148,11 +148,11 @@ impl FileDriver {
         }
         let missing = needed.iter().filter(|(_, value)| value.is_none());
         let missing: Vec<&str> = missing.map(|(key, _)| *key).collect();
-        Err(MachineFileError::Toml(format!(
+        Err(refusal!(
             "drivers.{name}: {} is missing: what the heading axis reaches follows from torque_nm, rotor_inertia_g_cm2, \
              load_inertia_g_cm2 and gear_ratio together",
             missing.join(", ")
-        )))
+        ))
     }
 
     /// True where nothing is said of the driver: the board leaves it as it is.
@@ -173,12 +173,11 @@ impl FileDriver {
         !of_driver && self.torque_nm.is_some()
     }
 
-    fn driver(&self, name: &str, key: &str) -> Result<DriverConfiguration, MachineFileError> {
+    fn driver(&self, name: &str, key: &str) -> Result<DriverConfiguration, Refusal> {
         let (Some(run_ma), Some(microsteps)) = (self.run_ma, self.microsteps) else {
-            let problem = format!(
+            return Err(refusal!(
                 "drivers.{name}: run_ma and microsteps are needed for a driver that the board sets up"
-            );
-            return Err(MachineFileError::Toml(problem));
+            ));
         };
         let given = [
             ("full_steps_per_mm", self.full_steps_per_mm),
@@ -192,11 +191,10 @@ impl FileDriver {
         let full_steps_per_unit = match (steps.next(), steps.next()) {
             (Some((found, Some(value))), None) if *found == key => *value,
             _ => {
-                let problem = format!(
+                return Err(refusal!(
                     "drivers.{name}: give {key}, the motor's full steps, and no other (microsteps times \
                      it are the steps)"
-                );
-                return Err(MachineFileError::Toml(problem));
+                ));
             }
         };
         let spread_below_clocks = match self.spread_above_full_steps_s {
@@ -208,8 +206,9 @@ impl FileDriver {
                     .clamp(1.0, CLOCKS_MAX + 1.0) as u32
             }
             Some(rate) => {
-                let problem = format!("drivers.{name}.spread_above_full_steps_s {rate}: above 0");
-                return Err(MachineFileError::Toml(problem));
+                return Err(refusal!(
+                    "drivers.{name}.spread_above_full_steps_s {rate}: above 0"
+                ));
             }
         };
         Ok(DriverConfiguration {

@@ -1,10 +1,10 @@
 //! `[gcode]` of a machine file: the axes of another controller that knows the tip of a head that tilts, and those of the
 //! machines that files are written for.
 
-use super::MachineFileError;
 use super::write::quoted;
 use crate::settings::Settings;
-use crate::settings::axes_words::{AxesError, AxesWords, MachineWord};
+use crate::settings::axes_words::{AxesWords, MachineWord};
+use crate::text::refusal::{Refusal, refusal};
 use serde::Deserialize;
 use std::fmt::Write;
 
@@ -17,25 +17,30 @@ pub(super) struct FileGcode {
 }
 
 impl FileGcode {
-    pub(super) fn letters(&self) -> Result<Option<[u8; 3]>, MachineFileError> {
+    pub(super) fn letters(&self) -> Result<Option<[u8; 3]>, Refusal> {
         let Some(text) = &self.letters else {
             return Ok(None);
         };
-        let wrong = || MachineFileError::Letters(text.chars().take(40).collect());
+        let wrong = || {
+            let text: String = text.chars().take(40).collect();
+            refusal!(
+                "gcode.letters: \"{text}\": write three different letters of A, B, C, U, V, W, H, J, as in \"A,B,C\""
+            )
+        };
         gcode_letters(text).ok_or_else(wrong).map(Some)
     }
 
-    pub(super) fn axes(&self) -> Result<Option<String>, MachineFileError> {
+    pub(super) fn axes(&self) -> Result<Option<String>, Refusal> {
         let Some(text) = &self.axes else {
             return Ok(None);
         };
-        let words = AxesWords::parse(text)?;
+        let words = AxesWords::parse(text).map_err(|refused| refusal!("gcode.axes: {refused}"))?;
         // Which folder it would lie in is not known when a job's settings are read again.
         if matches!(words.machine, Some(MachineWord::File(_))) {
-            return Err(MachineFileError::Axes(AxesError::Odds {
-                problem: "machine:FILE goes with the option --axes; here write machine for this machine's own \
-                          joints, or the axes themselves",
-            }));
+            return Err(refusal!(
+                "gcode.axes: machine:FILE goes with the option --axes; here write machine for this machine's own \
+                 joints, or the axes themselves"
+            ));
         }
         Ok(Some(text.clone()))
     }

@@ -1,7 +1,7 @@
 //! `[heaters]` of a machine file.
 
-use super::MachineFileError;
 use crate::settings::heat::HEATER_KEYS;
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::heat::{
     EXTRUDE_MIN_C, Gains, HeatConfiguration, HeaterConfiguration, HeaterRole, Plant,
 };
@@ -43,23 +43,25 @@ struct FileHeater {
 }
 
 impl FileHeaters {
-    pub(super) fn heaters(&self) -> Result<HeatConfiguration, MachineFileError> {
+    pub(super) fn heaters(&self) -> Result<HeatConfiguration, Refusal> {
         let given = [
             (Some(&self.hot_end), HeaterConfiguration::HOT_END),
             (self.bed.as_ref(), HeaterConfiguration::BED),
             (self.hot_end_2.as_ref(), HeaterConfiguration::HOT_END),
         ];
         if self.bed.is_none() && self.hot_end_2.is_some() {
-            let problem = "heaters.hot_end_2: the bed is heater 1, give it too";
-            return Err(MachineFileError::Toml(problem.to_string()));
+            return Err(refusal!(
+                "heaters.hot_end_2: the bed is heater 1, give it too"
+            ));
         }
         if self
             .bed
             .as_ref()
             .is_some_and(|bed| bed.extrude_min_c.is_some())
         {
-            let problem = "heaters.bed.extrude_min_c: no melt passes the bed; give it to a hot end";
-            return Err(MachineFileError::Toml(problem.to_string()));
+            return Err(refusal!(
+                "heaters.bed.extrude_min_c: no melt passes the bed; give it to a hot end"
+            ));
         }
         let mut configuration = HeatConfiguration {
             fan_tells_turns: self.fan_tells_turns.unwrap_or(false),
@@ -79,7 +81,7 @@ impl FileHeater {
         &self,
         key: &str,
         default: &HeaterConfiguration,
-    ) -> Result<HeaterConfiguration, MachineFileError> {
+    ) -> Result<HeaterConfiguration, Refusal> {
         let sensor = match &self.sensor {
             None => default.sensor,
             Some(FileSensor::SteinhartHart(coefficients)) => Sensor::steinhart_hart(*coefficients),
@@ -107,14 +109,14 @@ impl FileHeater {
     }
 }
 
-fn named(key: &str, name: &str) -> Result<Sensor, MachineFileError> {
+fn named(key: &str, name: &str) -> Result<Sensor, Refusal> {
     let found = Sensor::NAMED.iter().find(|(known, _)| *known == name);
     found.map(|(_, sensor)| *sensor).ok_or_else(|| {
         let known: Vec<_> = Sensor::NAMED.iter().map(|(known, _)| *known).collect();
-        MachineFileError::Toml(format!(
+        refusal!(
             "heaters.{key}.sensor `{name}`: {}, or a, b and c of Steinhart and Hart",
             known.join(", ")
-        ))
+        )
     })
 }
 

@@ -1,8 +1,9 @@
 //! The machine file's kinematics and joints: which keys each machine needs, and what they become.
 
 use super::axes::FileKinematics;
-use super::{File, KinematicsName, MachineFileError};
+use super::{File, KinematicsName};
 use crate::settings::check::{joint_names, kinematics_name};
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::{Arm, Frame, JointConfiguration, Kinematics};
 use serde::Deserialize;
 use std::f64::consts::TAU;
@@ -145,19 +146,19 @@ impl FileArm {
 
 impl File {
     /// The kinematics and its joints in order; refuses what is missing or too much.
-    pub(super) fn joints(&self) -> Result<(Kinematics, Vec<JointConfiguration>), MachineFileError> {
+    pub(super) fn joints(&self) -> Result<(Kinematics, Vec<JointConfiguration>), Refusal> {
         let kinematics = self.kinematics()?;
         let names = joint_names(&kinematics);
         let given = self.joints.given();
-        let wrong = |problem: String| MachineFileError::Joints {
-            kinematics: kinematics_name(&kinematics),
-            needed: match &self.kinematics {
+        let wrong = |problem: String| {
+            let kinematics = kinematics_name(&kinematics);
+            let needed = match &self.kinematics {
                 FileKinematics::Named(name) => needed(name),
                 FileKinematics::Axes(_) => {
                     "x, y, z, the rotary axes by name and h (a polar table: x, c, z, h)"
                 }
-            },
-            problem,
+            };
+            refusal!("kinematics \"{kinematics}\" needs {needed}; {problem}")
         };
         if let Some((name, _)) = given.iter().find(|(name, _)| !names.contains(name)) {
             return Err(wrong(format!(
@@ -173,7 +174,7 @@ impl File {
         Ok((kinematics, joints))
     }
 
-    fn kinematics(&self) -> Result<Kinematics, MachineFileError> {
+    fn kinematics(&self) -> Result<Kinematics, Refusal> {
         let name = match &self.kinematics {
             FileKinematics::Named(name) => name,
             FileKinematics::Axes(axes) => {
@@ -184,23 +185,23 @@ impl File {
                     ("the group [arm]", self.arm.is_some()),
                 ];
                 if let Some((key, _)) = others.iter().find(|(_, given)| *given) {
-                    let problem =
-                        format!("kinematics: take {key} out of a machine of kind \"axes\"");
-                    return Err(MachineFileError::Toml(problem));
+                    return Err(refusal!(
+                        "kinematics: take {key} out of a machine of kind \"axes\""
+                    ));
                 }
                 let kinematics = Kinematics::Axes { axes, solution: 0 };
                 return Ok(kinematics.with_solution(self.joint_solution.unwrap_or_default()));
             }
         };
-        let wrong = |problem: &str| MachineFileError::Joints {
-            kinematics: match name {
+        let wrong = |problem: &str| {
+            let kinematics = match name {
                 KinematicsName::Planar => "planar",
                 KinematicsName::Gantry => "gantry",
                 KinematicsName::Trunnion => "trunnion",
                 KinematicsName::Arm6 => "arm6",
-            },
-            needed: needed(name),
-            problem: problem.to_string(),
+            };
+            let needed = needed(name);
+            refusal!("kinematics \"{kinematics}\" needs {needed}; {problem}")
         };
         let (pivot, table) = (self.pivot_length_mm, self.table_centre_mm);
         if pivot.is_some() && *name != KinematicsName::Gantry {

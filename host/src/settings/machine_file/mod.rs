@@ -6,7 +6,7 @@
 //! keys default to the built-in machine's. This file is the only place where degrees become
 //! radians.
 
-use super::aperture_text::{ApertureTextError, from_semi_axes};
+use super::aperture_text::from_semi_axes;
 use super::check::joint_names;
 use super::groups::{
     ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, SkirtKeys,
@@ -16,8 +16,7 @@ use super::heat::Material;
 use super::kinds::Kinds;
 use super::probe::ProbeSettings;
 use super::{Infill, Settings};
-use crate::settings::axes_words::AxesError;
-use crate::text::refusal::Refusal;
+use crate::text::refusal::{Refusal, refusal};
 use head::FileHead;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::board_name::BoardName;
@@ -55,75 +54,24 @@ use toml_words::toml_problem;
 use wiring::FileWiring;
 pub use write::{to_new_toml, to_toml};
 
-/// Why a machine file cannot be used.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MachineFileError {
-    /// Not TOML, an unknown or missing key, or a value of the wrong type.
-    #[error("{0}")]
-    Toml(String),
-    /// A joint that the kinematics has is not given, or one that it has not is.
-    #[error("kinematics \"{kinematics}\" needs {needed}; {problem}")]
-    Joints {
-        /// Kinematics by name.
-        kinematics: &'static str,
-        /// What it needs.
-        needed: &'static str,
-        /// What is wrong with what is given.
-        problem: String,
-    },
-    /// A shaper for a joint that the kinematics have not.
-    #[error("shaper.{joint}: kinematics \"{kinematics}\" have no such joint; take the group out")]
-    Shaper {
-        /// The joint.
-        joint: String,
-        /// Kinematics by name.
-        kinematics: &'static str,
-    },
-    /// Letters of axes that are none.
-    #[error(
-        "gcode.letters: \"{0}\": write three different letters of A, B, C, U, V, W, H, J, as in \"A,B,C\""
-    )]
-    Letters(String),
-    /// Axes of the files that are read.
-    #[error("gcode.axes: {0}")]
-    Axes(#[from] AxesError),
-    /// An ellipse or a circle of a file that may mean semi-axes.
-    #[error(
-        "print.aperture: \"{given}\" is by semi-axes or a radius, as files without a format were; sizes are full ones now. \
-         Write these two lines, the first one at the head of the file (where {given} are full sizes already, the first \
-         one alone):\nformat = 2\naperture = \"{full}\""
-    )]
-    SemiAxes {
-        /// What the file has.
-        given: String,
-        /// The same nozzle by full sizes.
-        full: String,
-    },
-    /// A format that is not known.
-    #[error("format: {0} is not one that this program reads; it writes 2")]
-    Format(u32),
-    /// The aperture cannot be read.
-    #[error("print.aperture: {0}")]
-    Aperture(#[from] ApertureTextError),
-    /// Values out of range or at odds.
-    #[error("{0}")]
-    Settings(#[from] Refusal),
-}
-
 /// What a file has that gives ellipses and circles by full sizes.
 const FORMAT: u32 = 2;
 
 /// Reads and checks a machine file.
-pub fn from_toml(text: &str) -> Result<Settings, MachineFileError> {
+pub fn from_toml(text: &str) -> Result<Settings, Refusal> {
     let file = read(text)?;
     match file.by_semi_axes() {
-        Some((given, full)) => Err(MachineFileError::SemiAxes { given, full }),
+        Some((given, full)) => Err(refusal!(
+            "print.aperture: \"{given}\" is by semi-axes or a radius, as files without a format were; sizes are full ones now. \
+             Write these two lines, the first one at the head of the file (where {given} are full sizes already, the first \
+             one alone):\nformat = 2\naperture = \"{full}\""
+        )),
         None => checked(file),
     }
 }
 
 /// The settings of a job, whose text is that of the version which wrote it: without a format it has semi-axes.
-pub fn from_job_toml(text: &str) -> Result<Settings, MachineFileError> {
+pub fn from_job_toml(text: &str) -> Result<Settings, Refusal> {
     let mut file = read(text)?;
     if let Some((_, full)) = file.by_semi_axes() {
         file.print.aperture = Some(full);
@@ -131,16 +79,18 @@ pub fn from_job_toml(text: &str) -> Result<Settings, MachineFileError> {
     checked(file)
 }
 
-fn read(text: &str) -> Result<File, MachineFileError> {
+fn read(text: &str) -> Result<File, Refusal> {
     let file = toml::from_str(text);
-    let file: File = file.map_err(|error| MachineFileError::Toml(toml_problem(text, &error)))?;
+    let file: File = file.map_err(|error| Refusal(toml_problem(text, &error)))?;
     match file.format {
         None | Some(FORMAT) => Ok(file),
-        Some(other) => Err(MachineFileError::Format(other)),
+        Some(other) => Err(refusal!(
+            "format: {other} is not one that this program reads; it writes 2"
+        )),
     }
 }
 
-fn checked(file: File) -> Result<Settings, MachineFileError> {
+fn checked(file: File) -> Result<Settings, Refusal> {
     let settings = file.into_settings()?;
     settings.check()?;
     Ok(settings)
@@ -215,7 +165,7 @@ impl File {
     }
 
     /// Where the input lies is the command line's.
-    fn into_settings(self) -> Result<Settings, MachineFileError> {
+    fn into_settings(self) -> Result<Settings, Refusal> {
         let default = Settings::default();
         let machine = self.machine(&default.machine)?;
         let mut settings = Settings {
@@ -248,10 +198,7 @@ impl File {
     }
 
     /// Kinematics, joints, motors, extruder, rates.
-    fn machine(
-        &self,
-        default: &MachineConfiguration,
-    ) -> Result<MachineConfiguration, MachineFileError> {
+    fn machine(&self, default: &MachineConfiguration) -> Result<MachineConfiguration, Refusal> {
         let (kinematics, joints) = self.joints()?;
         let motors = self.motors.as_ref();
         let motors = motors.map(|motors| motors.matrix(joint_names(&kinematics), &joints));
@@ -268,20 +215,20 @@ impl File {
         })
     }
 
-    fn board(&self) -> Result<Option<BoardName>, MachineFileError> {
+    fn board(&self) -> Result<Option<BoardName>, Refusal> {
         let Some(text) = &self.board else {
             return Ok(None);
         };
         let name = BoardName::of_text(text).ok_or_else(|| {
             let known = BoardName::ALL.map(BoardName::text).join(", ");
-            MachineFileError::Toml(format!(
+            refusal!(
                 "board: {text}: the firmware knows {known}; docs/guide/boards.md says which boards fit"
-            ))
+            )
         })?;
         Ok(Some(name))
     }
 
-    fn heaters(&self) -> Result<Option<HeatConfiguration>, MachineFileError> {
+    fn heaters(&self) -> Result<Option<HeatConfiguration>, Refusal> {
         let given = self.heaters.as_ref();
         given.map(FileHeaters::heaters).transpose()
     }
@@ -290,7 +237,7 @@ impl File {
     fn switches(
         &self,
         machine: &MachineConfiguration,
-    ) -> Result<Option<HomingConfiguration>, MachineFileError> {
+    ) -> Result<Option<HomingConfiguration>, Refusal> {
         let z_mm = self.z_of_probe_mm()?;
         let given = self.switches.as_ref();
         given
@@ -299,25 +246,24 @@ impl File {
     }
 
     /// How high the nozzle is where Z is homed by the probe.
-    fn z_of_probe_mm(&self) -> Result<Option<f64>, MachineFileError> {
+    fn z_of_probe_mm(&self) -> Result<Option<f64>, Refusal> {
         let probe = self.probe()?.filter(|_| self.wiring.z_is_probe());
         Ok(probe.map(|probe| probe.z_offset_mm))
     }
 
-    fn probe(&self) -> Result<Option<ProbeSettings>, MachineFileError> {
+    fn probe(&self) -> Result<Option<ProbeSettings>, Refusal> {
         over(&self.probe, ProbeKeys::set, ProbeSettings::default())
     }
 
-    fn infill(&self) -> Result<Option<Infill>, MachineFileError> {
+    fn infill(&self) -> Result<Option<Infill>, Refusal> {
         let both = |keys: &InfillKeys| keys.density_pct.is_some() && keys.spacing_mm.is_some();
         if self.infill.as_ref().is_some_and(both) {
-            let problem = "infill: give density_pct or spacing_mm, not both";
-            return Err(MachineFileError::Toml(problem.to_string()));
+            return Err(refusal!("infill: give density_pct or spacing_mm, not both"));
         }
         over(&self.infill, InfillKeys::set, Infill::solid(1))
     }
 
-    fn material(&self) -> Result<Option<Material>, MachineFileError> {
+    fn material(&self) -> Result<Option<Material>, Refusal> {
         over(&self.material, MaterialKeys::set, Material::default())
     }
 }
@@ -325,9 +271,9 @@ impl File {
 /// What a group that may be missing makes of the usual values.
 fn over<K, T>(
     group: &Option<K>,
-    set: impl Fn(&K, &mut T) -> Result<(), ApertureTextError>,
+    set: impl Fn(&K, &mut T) -> Result<(), Refusal>,
     usual: T,
-) -> Result<Option<T>, MachineFileError> {
+) -> Result<Option<T>, Refusal> {
     let Some(group) = group else {
         return Ok(None);
     };
@@ -409,7 +355,8 @@ mod tests {
             from_toml(&slot)
         );
         let later = from_toml(&new.replace("format = 2", "format = 3"));
-        assert_eq!(later, Err(MachineFileError::Format(3)));
+        let refused = later.expect_err("a later format").to_string();
+        assert!(refused.starts_with("format: 3 is not one"), "{refused}");
     }
 
     /// Goal: a fan whose pulses nobody counts is not waited for. Method: the key with each named board, and with a board

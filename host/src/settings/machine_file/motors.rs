@@ -3,10 +3,10 @@
 //! In: names of joints, limits in mm. Out: the controller's matrix. Without limits the motors of a pair are as
 //! fast as both joints together, so that the joints' own limits are all there are.
 
-use super::MachineFileError;
 use super::write::number;
 use crate::settings::check::joint_names;
 use crate::settings::drivers::copy_name;
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::motors::{COPIES_MAX, MotorMatrix, MotorPair};
 use headway_firmware::configuration::{JointConfiguration, MachineConfiguration};
 use serde::Deserialize;
@@ -29,14 +29,14 @@ impl FileMotors {
         &self,
         names: &[&str],
         joints: &[JointConfiguration],
-    ) -> Result<MotorMatrix, MachineFileError> {
+    ) -> Result<MotorMatrix, Refusal> {
         let place =
             |name: &String, key: &str| {
                 let found = names.iter().position(|joint| joint == name);
                 found.filter(|place| copy_name(names[*place], 2).is_some()).ok_or_else(|| {
-                MachineFileError::Toml(format!(
+                refusal!(
                     "motors.{key}: {name}: it takes joints that move along a line, x, y and z"
-                ))
+                )
             })
             };
         let limits = [
@@ -49,13 +49,14 @@ impl FileMotors {
             let pair = [place(a, "core")?, place(b, "core")?];
             matrix.pair = Some(pair_of(pair, names, joints, &limits)?);
         } else if let Some((key, _)) = limits.iter().find(|(_, given)| given.is_some()) {
-            let problem =
-                format!("motors.{key}: it is a limit of the motors of core = [\"x\", \"y\"]");
-            return Err(MachineFileError::Toml(problem));
+            return Err(refusal!(
+                "motors.{key}: it is a limit of the motors of core = [\"x\", \"y\"]"
+            ));
         }
         if self.also.len() > COPIES_MAX {
-            let problem = format!("motors.also: a machine has {COPIES_MAX} of them at most");
-            return Err(MachineFileError::Toml(problem));
+            return Err(refusal!(
+                "motors.also: a machine has {COPIES_MAX} of them at most"
+            ));
         }
         for name in &self.also {
             // As many as fit were counted above.
@@ -71,10 +72,10 @@ fn pair_of(
     names: &[&str],
     joints: &[JointConfiguration],
     limits: &[(&str, Option<f64>); 3],
-) -> Result<MotorPair, MachineFileError> {
+) -> Result<MotorPair, Refusal> {
     let [a, b] = pair.map(|place| &joints[place]);
     let [name_a, name_b] = pair.map(|place| names[place]);
-    let wrong = |problem: String| Err(MachineFileError::Toml(problem));
+    let wrong = |problem: String| Err(Refusal(problem));
     if pair[0] == pair[1] || a.steps_per_unit != b.steps_per_unit {
         return wrong(format!(
             "motors.core: {name_a} and {name_b} must be two joints with the same steps_per_mm"

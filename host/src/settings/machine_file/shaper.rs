@@ -1,7 +1,7 @@
 //! The machine file's input shapers: a group for each joint that has one.
 
-use super::MachineFileError;
 use crate::settings::check::{joint_names, kinematics_name};
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::shaping::{Shaper, ShaperKind};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics, MachineConfiguration};
 use serde::Deserialize;
@@ -32,15 +32,17 @@ pub(super) struct FileShaper {
 pub(super) fn shapers(
     given: &BTreeMap<String, FileShaper>,
     kinematics: &Kinematics,
-) -> Result<[Shaper; JOINTS_MAX], MachineFileError> {
+) -> Result<[Shaper; JOINTS_MAX], Refusal> {
     let names = joint_names(kinematics);
     let mut shapers = [Shaper::default(); JOINTS_MAX];
     for (name, shaper) in given {
         let joint = names.iter().position(|joint| joint == name);
         let place = joint.and_then(|joint| shapers.get_mut(joint));
-        let place = place.ok_or_else(|| MachineFileError::Shaper {
-            joint: name.clone(),
-            kinematics: kinematics_name(kinematics),
+        let place = place.ok_or_else(|| {
+            let kinematics = kinematics_name(kinematics);
+            refusal!(
+                "shaper.{name}: kinematics \"{kinematics}\" have no such joint; take the group out"
+            )
         })?;
         *place = Shaper {
             kind: match shaper.kind {

@@ -3,9 +3,9 @@
 //! In: keys in mm or degrees. Out: joints in the order in which they are homed. Without `[switches]` they are the
 //! usual ones; an empty `[switches]` says that there are none.
 
-use super::MachineFileError;
 use super::write::{degrees, number};
 use crate::settings::check::joint_names;
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::homing::{HomingConfiguration, JointHoming};
 use headway_firmware::configuration::{JointConfiguration, MachineConfiguration};
 use serde::Deserialize;
@@ -54,7 +54,7 @@ pub(super) fn switches(
     given: &BTreeMap<String, FileSwitch>,
     machine: &MachineConfiguration,
     z_of_probe_mm: Option<f64>,
-) -> Result<HomingConfiguration, MachineFileError> {
+) -> Result<HomingConfiguration, Refusal> {
     let names = joint_names(&machine.kinematics);
     let (mut found, mut marks) = (Vec::new(), 0);
     for (name, switch) in given {
@@ -62,8 +62,9 @@ pub(super) fn switches(
         let number = number.filter(|number| *number < machine.joints.len());
         let Some(number) = number else {
             let known = names.join(", ");
-            let problem = format!("switches.{name}: the machine has the joints {known}");
-            return Err(MachineFileError::Toml(problem));
+            return Err(refusal!(
+                "switches.{name}: the machine has the joints {known}"
+            ));
         };
         let order = switch.order.unwrap_or(usual_order(name, switch.end));
         let mut homing = switch.homing(name, number as u8, &machine.joints[number])?;
@@ -96,10 +97,11 @@ fn mark(
     switch: &FileSwitch,
     homing: &mut JointHoming,
     limits: &JointConfiguration,
-) -> Result<(), MachineFileError> {
+) -> Result<(), Refusal> {
     if !limits.rotary {
-        let problem = format!("switches.{name}.mark: only a joint that turns passes a mark");
-        return Err(MachineFileError::Toml(problem));
+        return Err(refusal!(
+            "switches.{name}.mark: only a joint that turns passes a mark"
+        ));
     }
     if switch.travel_max_deg.is_none() {
         homing.travel_max_natural = 1.1 * TAU;
@@ -117,7 +119,7 @@ impl FileSwitch {
         name: &str,
         number: u8,
         limits: &JointConfiguration,
-    ) -> Result<JointHoming, MachineFileError> {
+    ) -> Result<JointHoming, Refusal> {
         let mut homing = JointHoming::usual(number, self.end == EndName::Max, limits);
         homing.guards = self.guards.unwrap_or(homing.guards);
         for (key, linear, rotary, place) in [
@@ -158,8 +160,7 @@ impl FileSwitch {
                 (linear, rotary, "mm")
             };
             if other.is_some() {
-                let problem = format!("switches.{name}.{key}: give it in {unit}");
-                return Err(MachineFileError::Toml(problem));
+                return Err(refusal!("switches.{name}.{key}: give it in {unit}"));
             }
             *place = value.unwrap_or(*place);
         }

@@ -1,8 +1,8 @@
 //! `[wiring]` of a machine file: roles and senses of the board's inputs, motors that turn the other way.
 
-use super::MachineFileError;
 use crate::settings::check::joint_names;
 use crate::settings::drivers::motor_names;
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::wiring::{INPUTS_MAX, NO_INPUT, Wiring};
 use serde::Deserialize;
@@ -31,10 +31,7 @@ impl FileWiring {
     }
 
     /// Over the board's own; refuses joints and motors that the machine has not.
-    pub(super) fn wiring(
-        &self,
-        machine: &MachineConfiguration,
-    ) -> Result<Wiring, MachineFileError> {
+    pub(super) fn wiring(&self, machine: &MachineConfiguration) -> Result<Wiring, Refusal> {
         let mut wiring = Wiring {
             emergency_input: self.emergency_input,
             probe_input: self.probe_input,
@@ -53,8 +50,9 @@ impl FileWiring {
         }
         for input in &self.normally_open {
             if *input >= INPUTS_MAX {
-                let problem = format!("wiring.normally_open: input {input}: they are 0 to 15");
-                return Err(MachineFileError::Toml(problem));
+                return Err(refusal!(
+                    "wiring.normally_open: input {input}: they are 0 to 15"
+                ));
             }
             wiring.open_inputs |= 1 << input;
         }
@@ -72,13 +70,13 @@ impl FileWiring {
     }
 }
 
-fn place_of(name: &str, known: &[&str], key: &str) -> Result<usize, MachineFileError> {
+fn place_of(name: &str, known: &[&str], key: &str) -> Result<usize, Refusal> {
     known
         .iter()
         .position(|motor| *motor == name)
         .ok_or_else(|| {
             let known = known.join(", ");
-            MachineFileError::Toml(format!("wiring.{key}: {name}: the machine has {known}"))
+            refusal!("wiring.{key}: {name}: the machine has {known}")
         })
 }
 
