@@ -302,6 +302,7 @@ pub struct Visit {
     before: u32,
 }
 
+/// No visit before this one, and none at all.
 const FIRST: u32 = u32::MAX - 1;
 const NEVER: u32 = u32::MAX;
 /// Distance of a cell over which the interior of the aperture has moved.

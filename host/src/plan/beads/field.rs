@@ -27,6 +27,7 @@ pub struct Field {
     values: Vec<f32>,
 }
 
+/// No edge.
 const NONE: u32 = u32::MAX;
 
 /// Steps of the grid beyond the region: more than two, and fractions that no round dimension has,

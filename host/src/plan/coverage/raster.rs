@@ -197,6 +197,7 @@ impl NearbyPasses {
     /// Area of beads that a connection covers again, mm²; the area under the stretches of path
     /// `own` does not count.
     pub fn recovered_mm2(&self, own: [Vec<Configuration>; 2], connection: &[Configuration]) -> f64 {
+        // Bits of a cell.
         const OWN: u8 = 1;
         const BEAD: u8 = 2;
         const CONNECTION: u8 = 4;

@@ -282,6 +282,7 @@ fn ring_nodes(ring: &Ring, clearance_mm: f64) -> Vec<Point2> {
     nodes
 }
 
+/// A quarter turn.
 const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 
 fn turned_by(v: Vector2, angle_rad: f64) -> Vector2 {
