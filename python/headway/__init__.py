@@ -68,6 +68,7 @@ if TYPE_CHECKING:
         first_layer_height_mm: Optional[float]
         layer_range: Optional[tuple[int, int]]
         curved_layers: Optional[str]
+        bead_width_mm: Optional[float]
         copies: Optional[int]
         copy_gap_mm: Optional[float]
         gap_mm: Optional[float]
@@ -380,6 +381,7 @@ def plan_file(
     units: Optional[str] = None,
     scale: float = 1.0,
     repair: bool = False,
+    centre_lines: bool = False,
     surface: Optional[PathLike] = None,
     surface_region: Optional[str] = None,
     cache: Optional[PathLike] = None,
@@ -388,7 +390,8 @@ def plan_file(
     """Plans a file: polygon JSON, GeoJSON, SVG, DXF, STL, 3MF, OBJ, waypoints, NURBS or G-code, by its ending.
 
     ``units`` (mm, cm, m, um, in) and ``scale`` are of its coordinates, ``repair`` mends crossings and open
-    contours by the fill rule; ``surface`` is a mesh on which an outline is laid as seen from above, or a part of it by
+    contours by the fill rule, ``centre_lines`` prints the lines of a drawing as beads, ``bead_width_mm`` wide, in place
+    of filling its contours; ``surface`` is a mesh on which an outline is laid as seen from above, or a part of it by
     ``surface_region`` as in :func:`plan_surface`. ``cache`` is a folder of planned blocks of a mesh's layers, as of
     :func:`plan_mesh`. The options are
     those of :func:`plan`, and of meshes ``first_layer_height_mm`` and ``layer_range`` (first and last, from 1) and
@@ -397,6 +400,7 @@ def plan_file(
     given = _known(options, "plan_file")
     stem, ending = _named(path)
     reading = {"units": units, "scale": scale, "repair": repair, "flatten_mm": given.get("tolerance_mm")}
+    reading["centre_lines"] = centre_lines
     part = _headway.Part.from_bytes(stem, ending, _read(path), reading)
     if surface is not None:
         of_surface = {"units": units, "scale": scale, "surface_region": surface_region}
@@ -533,6 +537,7 @@ _OPTIONS = frozenset(plan.__kwdefaults__ or ()) - {
     "first_layer_height_mm",
     "layer_range",
     "curved_layers",
+    "bead_width_mm",
     "gap_mm",
     "corner_tolerance_mm",
     "place",

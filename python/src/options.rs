@@ -12,7 +12,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// Options that are none of the planner's but of the input's place and reading, as the command calls them.
-const OTHERS: [(&str, &str); 7] = [
+const OTHERS: [(&str, &str); 8] = [
+    ("centre-lines", "centre_lines"),
     ("surface-region", "surface_region"),
     ("keep-out", "keep_out"),
     ("repair", "repair"),
@@ -86,6 +87,7 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
                         .map_err(|error| OptionsError::new_err(as_keywords(&error.to_string())))?,
                 );
             }
+            "bead_width_mm" => o.bead_width_mm = Some(number(&key, &value)?),
             "copies" => o.copies = Some(count(&key, &value)?),
             "copy_gap_mm" => o.copy_gap_mm = Some(number(&key, &value)?),
             "gap_mm" => o.gap_mm = Some(number(&key, &value)?),
@@ -115,6 +117,7 @@ pub fn reading(given: &Bound<'_, PyDict>) -> PyResult<Reading> {
             }
             "scale" => reading.scale = number(&key, &value)?,
             "repair" => reading.repair = read(&key, &value, "True or False")?,
+            "centre_lines" => reading.centre_lines = read(&key, &value, "True or False")?,
             "flatten_mm" => reading.flatten_mm = number(&key, &value)?,
             "surface_region" => reading.surface_region = Some(read(&key, &value, "a region")?),
             _ => {

@@ -23,6 +23,8 @@ pub struct Reading {
     pub flatten_mm: f64,
     /// Repair crossings, overlaps and open contours by the fill rule, and report the changes.
     pub repair: bool,
+    /// Contours of a drawing are the middles of beads, and not filled.
+    pub centre_lines: bool,
     /// The part of a surface that is meant: `group:NAME`, `colour:#RRGGBB` or `normal:DEG`, as the command's
     /// `--surface-region`; all of it if there is none.
     pub surface_region: Option<String>,
@@ -36,6 +38,7 @@ impl Default for Reading {
             scale: read.scale,
             flatten_mm: read.flatten_mm,
             repair: read.repair,
+            centre_lines: read.centre_lines,
             surface_region: None,
         }
     }
@@ -100,6 +103,7 @@ impl Part {
             scale: reading.scale,
             flatten_mm: checked_flatten_mm(reading.flatten_mm)?,
             repair: reading.repair,
+            centre_lines: reading.centre_lines,
             ..ReadOptions::default()
         };
         let read = input::read_any(bytes, name, format, &options).map_err(part_error)?;

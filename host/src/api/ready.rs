@@ -10,9 +10,10 @@
 use super::blocks::KeptBlocks;
 use super::part::{What, part_error};
 use super::{Error, Options, Part};
-use crate::gcode::GcodeProgram;
+use crate::gcode::{GcodeProgram, MOVES_MAX};
 use crate::geometry::Vector2;
 use crate::geometry::polygon::Region;
+use crate::input::centre_lines::CentreLines;
 use crate::input::copies::{self, box_of};
 use crate::input::declared_run::at_feeds;
 use crate::input::space_outline::SpaceOutline;
@@ -21,6 +22,7 @@ use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::mesh::{LoadedMesh, Mesh};
+use crate::pipeline::centre_lines::{across_mm, along_lines, slab_note};
 use crate::pipeline::findings::idle_options::idle_options;
 use crate::pipeline::gcode::plan_gcode;
 use crate::pipeline::mesh::{FirstLayer, PartContext, plan_part_in_pieces};
@@ -34,6 +36,7 @@ use crate::plan::progress::Progress;
 use crate::settings::Settings;
 use crate::settings::curved_layers::CurvedLayers;
 use crate::settings::options::OF_OUTLINES;
+use crate::text::short_number::Short;
 use std::io::{Read, Seek, Write};
 use std::time::Instant;
 
@@ -78,6 +81,11 @@ impl Ready {
         let work = match part.what {
             What::Patch { mesh, drawn, .. } => Work::Patch(mesh, drawn),
             What::Input(Input::Gcode(program)) => Work::Gcode(Box::new(program)),
+            What::Input(Input::Lines(lines)) => {
+                let program = with_beads(lines, options, &settings)?;
+                notes.clone_from(&program.notes);
+                Work::Gcode(Box::new(program))
+            }
             What::Input(Input::Path(run)) => {
                 let mut run = run.turned(options.turn_deg.unwrap_or(0.0).to_radians());
                 settings = at_feeds(&mut run, options.speed_mm_s, &settings);
@@ -85,6 +93,7 @@ impl Ready {
             }
             What::Input(Input::Outline(loaded)) => {
                 let mut regions = loaded.target.regions;
+                notes.extend(slab_note(&regions, &settings).filter(|_| loaded.may_be_lines));
                 notes.extend(copied(&mut [&mut regions], at_mm, options, &settings)?);
                 Work::Outline(regions, part.surface)
             }
@@ -228,6 +237,33 @@ impl Ready {
     }
 }
 
+/// Centre lines with beads of a width that the nozzle lays, as many as a path may have.
+fn with_beads(
+    lines: CentreLines,
+    options: &Options,
+    settings: &Settings,
+) -> Result<GcodeProgram, Error> {
+    let points: usize = lines.lines.iter().map(|line| line.points.len()).sum();
+    if points.saturating_mul(settings.layers as usize) > MOVES_MAX {
+        return Err(Error::Options(format!(
+            "--layers {} of lines with {points} points are more than {MOVES_MAX} moves: give fewer layers, or a coarser \
+             --tolerance for curves",
+            settings.layers
+        )));
+    }
+    let aperture = &settings.aperture;
+    let [least_mm, most_mm] = [aperture.minor_mm(), aperture.major_mm()].map(|half| 2.0 * half);
+    let width_mm = options.bead_width_mm.unwrap_or_else(|| across_mm(aperture));
+    match (least_mm..=most_mm).contains(&width_mm) {
+        true => Ok(along_lines(lines, width_mm, settings)),
+        false => Err(Error::Options(format!(
+            "--bead-width {width_mm}: this nozzle lays beads of {} to {} mm: write one of them",
+            Short(least_mm),
+            Short(most_mm)
+        ))),
+    }
+}
+
 /// The layers of a mesh, of heights that the nozzle can print: no bead is higher than the widest one is wide.
 fn cut(
     loaded: &LoadedMesh,
@@ -291,7 +327,7 @@ fn copied(
         .map_err(part_error)
 }
 
-use Kind::{Curved, Flat, Gcode, Laid, Outline, Patch, Path};
+use Kind::{Curved, Flat, Gcode, Laid, Lines, Outline, Patch, Path};
 
 /// Kinds of parts that differ in their options.
 #[derive(Clone, Copy, PartialEq)]
@@ -305,6 +341,8 @@ enum Kind {
     Curved,
     Path,
     Gcode,
+    /// Middles of beads.
+    Lines,
 }
 
 impl Kind {
@@ -317,6 +355,7 @@ impl Kind {
             What::Input(Input::Mesh(_)) => Kind::Flat,
             What::Input(Input::Path(_)) => Kind::Path,
             What::Input(Input::Gcode(_)) => Kind::Gcode,
+            What::Input(Input::Lines(_)) => Kind::Lines,
         }
     }
 }
@@ -328,6 +367,9 @@ macro_rules! rows {
 
 /// What goes with what: the first row that applies refuses a part.
 const REFUSED: &[(&str, &[Kind], &str)] = rows! {
+    "--bead-width" => [Outline Laid Patch Flat Curved Path Gcode]
+        "goes with --centre-lines: other beads are as wide as the nozzle lays them in their place";
+    OF_FILLS => [Lines] "goes with what is filled: lines are laid once, as they are drawn; leave it out, or --centre-lines";
     "--layers" => [Flat Curved] "goes with outlines: a mesh has its own; --layer-range takes some of them";
     "--surface" => [Flat Curved Path Gcode] "goes with outlines: only they are projected onto a surface";
     "--curved-layers" => [Outline Laid Patch Path Gcode]
@@ -337,8 +379,8 @@ const REFUSED: &[(&str, &[Kind], &str)] = rows! {
     "--keep-out" => [Patch] "goes with outlines that are seen from above";
     "--keep-out" => [Path Gcode] A_PATH;
     OF_OUTLINES => [Path Gcode] A_PATH;
-    "--gap, --turn, --corner-tolerance, --tilt-max" => [Outline Laid Patch Flat Curved Gcode] NO_AXES;
-    "--place, --axis-tolerance" => [Outline Flat Curved Gcode] NO_AXES;
+    "--gap, --turn, --corner-tolerance, --tilt-max" => [Outline Laid Patch Flat Curved Gcode Lines] NO_AXES;
+    "--place, --axis-tolerance" => [Outline Flat Curved Gcode Lines] NO_AXES;
     "--layer-range, --layer-heights, --first-layer-height, --first-layer-speed" => [Outline Laid Patch Path Gcode]
         "goes with meshes: all layers of an outline are the same";
     "--cache" => [Outline Laid Patch Curved Path Gcode]
@@ -358,6 +400,9 @@ const REFUSED: &[(&str, &[Kind], &str)] = rows! {
          layers), or print the job once for each with --at X,Y,Z";
     CARVED => [Curved] "the file cuts volumes away from its objects; export the part as one mesh";
 };
+const OF_FILLS: &str = "--walls, --wall-speed, --solid-speed, --sparse-speed, --skirt, --brim, --skirt-distance-mm, \
+    --avoid-crossing, --bridge-max, --pass, --law, --quality, --overlap, --keep-out, --surface, --curved-layers, \
+    --layer-range, --layer-heights, --first-layer-height, --first-layer-speed, --cache, a second --at, --copies, --copy-gap";
 const COPIES: &str = "a second --at, --copies, --copy-gap";
 const A_PATH: &str = "goes with outlines: a path is followed as it is";
 const NO_AXES: &str = "goes with runs of waypoints: outlines have no tool axes";

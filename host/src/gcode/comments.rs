@@ -18,6 +18,8 @@ pub enum Slicer {
     Cura,
     /// Headway's own export.
     Headway,
+    /// Nobody: the middles of beads were drawn.
+    Drawing,
 }
 
 /// What holds for the moves that follow.
@@ -88,6 +90,7 @@ impl Slicer {
             Slicer::OrcaSlicer => "OrcaSlicer",
             Slicer::Cura => "Cura",
             Slicer::Headway => "Headway",
+            Slicer::Drawing => "the drawing",
         }
     }
 }

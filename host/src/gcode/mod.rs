@@ -244,6 +244,11 @@ impl GcodeProgram {
         self.slicer == Slicer::Headway
     }
 
+    /// Its passes lie along lines that were drawn: no file says more of them.
+    pub fn is_drawn(&self) -> bool {
+        self.slicer == Slicer::Drawing
+    }
+
     /// Layers of the passes.
     pub fn layers(&self) -> u32 {
         self.passes.last().map_or(1, |pass| pass.layer + 1) + self.layers_within

@@ -135,8 +135,8 @@ pub enum InputError {
     },
     /// A contour that does not close.
     #[error(
-        "{ring} is open: it starts at {start} and ends {gap_mm:.4} mm away at {end}; close it in \
-         the drawing, or let --repair join the ends"
+        "{ring} is open: it starts at {start} and ends {gap_mm:.4} mm away at {end}; close it in the drawing, let \
+         --repair join the ends, or print lines as beads with --centre-lines"
     )]
     Open {
         /// Which ring.
@@ -231,7 +231,8 @@ pub enum InputError {
     },
     /// A geometry that has no area.
     #[error(
-        "{what} is a {kind}, which has no inside; only Polygon and MultiPolygon can be printed"
+        "{what} is a {kind}, which has no inside; only Polygon and MultiPolygon can be filled, and LineString and \
+         MultiLineString printed as beads with --centre-lines"
     )]
     NoInside {
         /// Which feature.
@@ -241,8 +242,8 @@ pub enum InputError {
     },
     /// Nothing but strokes.
     #[error(
-        "{count} shapes have a stroke but no fill (the first: {first}): lines have no inside; give \
-         them a fill, or turn strokes into paths in the drawing program"
+        "{count} shapes have a stroke but no fill (the first: {first}): lines have no inside; print them as beads \
+         with --centre-lines, give them a fill, or turn strokes into paths in the drawing program"
     )]
     OnlyStrokes {
         /// How many.
@@ -250,10 +251,23 @@ pub enum InputError {
         /// Which is the first.
         first: String,
     },
+    /// No line where centre lines are read.
+    #[error(
+        "there is no line in it: {what} has an inside, or is a point; leave --centre-lines out to fill it, or give it a stroke"
+    )]
+    NoLines {
+        /// Which is the first.
+        what: String,
+    },
+    /// Lines of what is no drawing.
+    #[error(
+        "--centre-lines goes with drawings (SVG, DXF, GeoJSON, polygon JSON): only they have lines"
+    )]
+    NotDrawn,
     /// More than two curves end at a place.
     #[error(
         "more than two ends meet at {at}: a contour goes through each place once; take the extra lines \
-         away, or choose the outline's layers with --dxf-layer"
+         away, choose the outline's layers with --dxf-layer, or print lines as beads with --centre-lines"
     )]
     Branch {
         /// Where.

@@ -9,7 +9,7 @@ use super::outline::{Drawing, RawRing, Rule, Shape};
 use super::{InputError, ReadOptions, Units};
 use crate::geometry::Point2;
 use crate::text::near_name::near_name;
-use ::geojson::{Feature, GeoJson, Geometry, GeometryValue, JsonObject, PolygonType};
+use ::geojson::{Feature, GeoJson, Geometry, GeometryValue, JsonObject, PolygonType, Position};
 
 /// Collections may nest; RFC 7946 advises against it, and nobody needs more than this.
 const DEPTH_MAX: usize = 16;
@@ -31,6 +31,8 @@ const KEYS: [&str; 11] = [
 
 struct Reader {
     unit_mm: f64,
+    /// Lines are read.
+    centre_lines: bool,
     shapes: Vec<Shape>,
     heights: usize,
     /// What has no inside: place and type.
@@ -68,6 +70,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
     };
     let mut reader = Reader {
         unit_mm: units.mm(),
+        centre_lines: options.centre_lines,
         shapes: Vec::new(),
         heights: 0,
         left_out: Vec::new(),
@@ -104,9 +107,10 @@ impl Reader {
             return Ok(None);
         };
         if self.shapes.is_empty() {
-            return Err(InputError::NoInside {
-                what: what.clone(),
-                kind,
+            let what = what.clone();
+            return Err(match self.centre_lines {
+                true => InputError::NoLines { what },
+                false => InputError::NoInside { what, kind },
             });
         }
         let count = self.left_out.len();
@@ -143,6 +147,16 @@ impl Reader {
                     self.polygon(polygon, &format!("{what}, polygon {k}"))
                 })
             }
+            GeometryValue::LineString { coordinates } if self.centre_lines => {
+                self.rings([(what.to_string(), coordinates)], what)
+            }
+            GeometryValue::MultiLineString { coordinates } if self.centre_lines => {
+                let lines = coordinates.iter().enumerate();
+                self.rings(
+                    lines.map(|(k, line)| (format!("{what}, line {k}"), line)),
+                    what,
+                )
+            }
             GeometryValue::GeometryCollection { geometries } if depth < DEPTH_MAX => geometries
                 .iter()
                 .try_for_each(|geometry| self.geometry(geometry, what, depth + 1)),
@@ -158,12 +172,22 @@ impl Reader {
     }
 
     fn polygon(&mut self, polygon: &PolygonType, what: &str) -> Result<(), InputError> {
-        let mut rings = Vec::with_capacity(polygon.len());
-        for (number, positions) in polygon.iter().enumerate() {
-            let name = match number {
-                0 => format!("{what}, exterior"),
-                _ => format!("{what}, hole {}", number - 1),
-            };
+        let name = |number: usize| match number {
+            0 => format!("{what}, exterior"),
+            _ => format!("{what}, hole {}", number - 1),
+        };
+        let rings = polygon.iter().enumerate();
+        self.rings(rings.map(|(number, ring)| (name(number), ring)), what)
+    }
+
+    /// The named rings or lines of one geometry.
+    fn rings<'a>(
+        &mut self,
+        named: impl IntoIterator<Item = (String, &'a Vec<Position>)>,
+        what: &str,
+    ) -> Result<(), InputError> {
+        let mut rings = Vec::new();
+        for (name, positions) in named {
             let mut points = Vec::with_capacity(positions.len());
             for (k, position) in positions.iter().enumerate() {
                 let &[x, y, ref rest @ ..] = position.as_slice() else {

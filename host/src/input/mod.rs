@@ -3,6 +3,7 @@
 //! ```text
 //! bytes --polygon|geojson|svg|dxf--> Shape (rings as drawn, file's unit)
 //!       --outline--> Region (mm, exterior counter-clockwise, holes clockwise, valid) --> Target
+//!       '--centre_lines--> CentreLines (mm)
 //! bytes --waypoints|nurbs--> WaypointRun (mm, rad)
 //! bytes --mesh--> LoadedMesh (mm, closed)
 //! bytes --gcode--> GcodeProgram (mm, mm³), with tilts WaypointRun
@@ -12,6 +13,7 @@
 //! Nothing is repaired silently: an invalid outline is refused with the place and a remedy. Not
 //! covered: files and threads; the command reads the bytes.
 
+pub mod centre_lines;
 pub mod copies;
 pub mod declared_run;
 mod dxf;
@@ -29,6 +31,7 @@ mod svg;
 mod waypoint_error;
 pub mod waypoints;
 
+use centre_lines::CentreLines;
 pub use error::InputError;
 use waypoints::WaypointRun;
 
@@ -115,6 +118,8 @@ pub struct ReadOptions {
     pub head_letters: Option<[u8; 3]>,
     /// Layers of a DXF drawing that are read; without any, all that are seen.
     pub dxf_layers: Vec<String>,
+    /// Contours of a drawing are the middles of beads, and not filled.
+    pub centre_lines: bool,
 }
 
 /// A target and notes on how it was read.
@@ -124,6 +129,8 @@ pub struct Loaded {
     pub target: Target,
     /// One line each: reversed rings, ignored contents, repairs.
     pub notes: Vec<String>,
+    /// Contours of a format that has lines and does not say what is filled.
+    pub may_be_lines: bool,
 }
 
 impl Default for ReadOptions {
@@ -138,6 +145,7 @@ impl Default for ReadOptions {
             gcode_axes: None,
             head_letters: None,
             dxf_layers: Vec::new(),
+            centre_lines: false,
         }
     }
 }
@@ -221,6 +229,8 @@ impl Format {
 pub enum Input {
     /// Regions to be filled.
     Outline(Loaded),
+    /// Middles of beads.
+    Lines(CentreLines),
     /// A path to be followed.
     Path(WaypointRun),
     /// A solid, to be cut into layers.
@@ -234,6 +244,7 @@ impl Input {
     pub fn name(&self) -> &str {
         match self {
             Input::Outline(loaded) => &loaded.target.name,
+            Input::Lines(lines) => &lines.name,
             Input::Path(run) => &run.name,
             Input::Mesh(loaded) => &loaded.name,
             Input::Gcode(program) => &program.name,
@@ -244,6 +255,7 @@ impl Input {
     pub fn notes(&self) -> &[String] {
         match self {
             Input::Outline(loaded) => &loaded.notes,
+            Input::Lines(lines) => &lines.notes,
             Input::Path(run) => &run.notes,
             Input::Mesh(loaded) => &loaded.notes,
             Input::Gcode(program) => &program.notes,
@@ -258,6 +270,10 @@ pub fn read_any(
     format: Format,
     options: &ReadOptions,
 ) -> Result<Input, InputError> {
+    if options.centre_lines {
+        let drawing = drawing(bytes, format, options)?;
+        return centre_lines::of_drawing(drawing, name, options).map(Input::Lines);
+    }
     if let Format::Mesh(format) = format {
         check_scale(options)?;
         let options = MeshOptions {
@@ -330,19 +346,30 @@ pub fn read(
     format: Format,
     options: &ReadOptions,
 ) -> Result<Loaded, InputError> {
+    let loaded = outline::to_target(drawing(bytes, format, options)?, name, options)?;
+    Ok(Loaded {
+        may_be_lines: format == Format::Dxf,
+        ..loaded
+    })
+}
+
+/// What is drawn.
+fn drawing(
+    bytes: &[u8],
+    format: Format,
+    options: &ReadOptions,
+) -> Result<outline::Drawing, InputError> {
     check_scale(options)?;
     let bytes = &*text_of(bytes, format)?;
-    let drawing = match format {
-        Format::Polygon => polygon::read(bytes, options)?,
-        Format::GeoJson => geojson::read(bytes, options)?,
-        Format::Svg => svg::read(bytes, options)?,
-        Format::Dxf => dxf::read(bytes, options)?,
-        Format::Waypoints | Format::Nurbs | Format::Gcode => {
-            return Err(InputError::PathNotOutline);
-        }
-        Format::Mesh(_) => return Err(InputError::MeshNotOutline),
-    };
-    outline::to_target(drawing, name, options)
+    match format {
+        Format::Polygon => polygon::read(bytes, options),
+        Format::GeoJson => geojson::read(bytes, options),
+        Format::Svg => svg::read(bytes, options),
+        Format::Dxf => dxf::read(bytes, options),
+        _ if options.centre_lines => Err(InputError::NotDrawn),
+        Format::Waypoints | Format::Nurbs | Format::Gcode => Err(InputError::PathNotOutline),
+        Format::Mesh(_) => Err(InputError::MeshNotOutline),
+    }
 }
 
 /// Polygons as they are, mm: each an exterior and its holes.

@@ -21,7 +21,7 @@ pub const SIZE_MIN_MM: f64 = 0.001;
 /// Farthest coordinate, mm: 1e7 mm still leaves 2e-9 mm of an f64.
 pub const FAR_MAX_MM: f64 = 1.0e7;
 /// Ends of a contour closer than this are the same point, mm: rounding of drawing programs.
-const CLOSED_MM: f64 = 1.0e-4;
+pub(super) const CLOSED_MM: f64 = 1.0e-4;
 
 /// Maximum number of crossings of an outline that are found, or repaired: 3,000 points at random make
 /// a million.
@@ -103,19 +103,7 @@ pub(super) fn to_target(
     name: &str,
     options: &ReadOptions,
 ) -> Result<Loaded, InputError> {
-    let points = drawing
-        .shapes
-        .iter()
-        .flat_map(|shape| &shape.rings)
-        .map(|ring| ring.points.len())
-        .sum();
-    if points > POINTS_MAX {
-        return Err(InputError::TooManyPoints { points });
-    }
-    for shape in &mut drawing.shapes {
-        scale_and_check_points(shape, options.scale)?;
-    }
-    check_size(&drawing)?;
+    scale_and_check(&mut drawing, options.scale)?;
     check_tangle(&drawing)?;
     let mut notes = std::mem::take(&mut drawing.notes);
     let mut regions: Vec<NamedRegion> = Vec::new();
@@ -157,7 +145,25 @@ pub(super) fn to_target(
             regions,
         },
         notes,
+        may_be_lines: false,
     })
+}
+
+/// Scales a drawing; refuses what is too large, or too many points.
+pub(super) fn scale_and_check(drawing: &mut Drawing, scale: f64) -> Result<(), InputError> {
+    let points = drawing
+        .shapes
+        .iter()
+        .flat_map(|shape| &shape.rings)
+        .map(|ring| ring.points.len())
+        .sum();
+    if points > POINTS_MAX {
+        return Err(InputError::TooManyPoints { points });
+    }
+    for shape in &mut drawing.shapes {
+        scale_and_check_points(shape, scale)?;
+    }
+    check_size(drawing)
 }
 
 fn scale_and_check_points(shape: &mut Shape, scale: f64) -> Result<(), InputError> {

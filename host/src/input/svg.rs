@@ -39,8 +39,11 @@ struct Reader {
     /// Millimetres in a pixel, across and up; the two differ where a page is stretched.
     mm_per_px: Vector2,
     flatten_px: f64,
+    /// Strokes are read, and not fills.
+    centre_lines: bool,
     points: usize,
     shapes: Vec<Shape>,
+    /// What has a stroke alone; of centre lines what has none.
     strokes: Vec<String>,
     hidden: usize,
     clips: usize,
@@ -74,6 +77,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
         height_px: f64::from(tree.size().height()),
         mm_per_px,
         flatten_px: options.flatten_mm / (mm_per_px.max() * options.scale),
+        centre_lines: options.centre_lines,
         points: 0,
         shapes: Vec::new(),
         strokes: Vec::new(),
@@ -88,9 +92,10 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
     };
     reader.group(tree.root(), seen, 0)?;
     if let (true, Some(first)) = (reader.shapes.is_empty(), reader.strokes.first()) {
-        return Err(InputError::OnlyStrokes {
-            count: reader.strokes.len(),
-            first: first.clone(),
+        let (count, first) = (reader.strokes.len(), first.clone());
+        return Err(match options.centre_lines {
+            true => InputError::NoLines { what: first },
+            false => InputError::OnlyStrokes { count, first },
         });
     }
     let mut left_out = unsupported_elements(&xml);
@@ -148,9 +153,14 @@ impl Reader {
             path.is_visible() && !seen.is_clipped_off && shown >= OPACITY_MIN
         };
         let by_fill = |fill: &&Fill| is_shown(fill.paint(), fill.opacity().get());
-        let by_stroke = |stroke: &Stroke| is_shown(stroke.paint(), stroke.opacity().get());
-        let Some(fill) = path.fill().filter(by_fill) else {
-            match path.stroke().is_some_and(by_stroke) {
+        let by_stroke = |stroke: &&Stroke| is_shown(stroke.paint(), stroke.opacity().get());
+        let (fill, stroke) = (path.fill().filter(by_fill), path.stroke().filter(by_stroke));
+        let paint = match self.centre_lines {
+            true => stroke.map(Stroke::paint),
+            false => fill.map(Fill::paint),
+        };
+        let Some(paint) = paint else {
+            match stroke.is_some() || fill.is_some() {
                 true => self.strokes.push(what),
                 false => self.hidden += 1,
             }
@@ -158,14 +168,14 @@ impl Reader {
         };
         let is_beside = gap_px(path.abs_bounding_box(), self.page_px) > 0.0;
         self.beside_page += usize::from(is_beside);
-        let colour = match fill.paint() {
+        let colour = match paint {
             Paint::Color(c) => format!("#{:02x}{:02x}{:02x}", c.red, c.green, c.blue),
             _ => "a pattern".to_string(),
         };
         let rings = self.rings(path, &what)?;
-        let rule = match fill.rule() {
-            usvg::FillRule::NonZero => Rule::NonZero,
-            usvg::FillRule::EvenOdd => Rule::EvenOdd,
+        let rule = match fill.map(Fill::rule) {
+            Some(usvg::FillRule::EvenOdd) => Rule::EvenOdd,
+            _ => Rule::NonZero,
         };
         self.shapes.push(Shape {
             what,
@@ -264,11 +274,16 @@ impl Reader {
     fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if let Some(first) = self.strokes.first() {
-            notes.push(format!(
-                "{} shapes with a stroke but no fill were left out (the first: {first}): lines have \
-                 no inside",
-                self.strokes.len()
-            ));
+            let (count, why) = (
+                self.strokes.len(),
+                match self.centre_lines {
+                    true => "fill but no stroke were left out (the first",
+                    false => {
+                        "stroke but no fill were left out (--centre-lines prints them; the first"
+                    }
+                },
+            );
+            notes.push(format!("{count} shapes with a {why}: {first})"));
         }
         if self.clips > 0 {
             notes.push(format!(

@@ -6,10 +6,11 @@
 //! ```
 //! Layers are planned one by one and their streams put together, so that beside the file's path only
 //! finished segments grow, and poses where the head might touch what stands. Machines whose joints wind up
-//! are planned in one piece. Leaves out what is the slicer's: which ground is printed, in which order, how
+//! are planned in one piece, and so are lines that were drawn, whose layers may go on into each other. Leaves out what is the slicer's: which ground is printed, in which order, how
 //! densely.
 
 use super::{PlanError, start_pose};
+use crate::gcode::comments::Slicer;
 use crate::gcode::{GcodeError, GcodePass, GcodeProgram, check_days};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Box2;
@@ -18,6 +19,7 @@ use crate::job::heat::HeatEvent;
 use crate::job::transform::PartTransform;
 use crate::pipeline::gcode_heat::{LaidPasses, events_behind, events_of};
 use crate::pipeline::gcode_touches::{Collector, Descent, descent};
+use crate::pipeline::layer_time::lay_with_layer_times;
 use crate::pipeline::stop_room::with_stop_room;
 use crate::plan::judge::figures::PlanFigures;
 use crate::plan::judge::measure::measure;
@@ -84,7 +86,7 @@ pub fn plan_gcode(
         offset_mm: transform.offset_mm,
         settings: &settings,
     };
-    let is_whole = winds(&settings.machine.kinematics) != 0;
+    let is_whole = program.is_drawn() || winds(&settings.machine.kinematics) != 0;
     let passes = program.passes.as_slice();
     let pieces = passes.chunk_by(|a, b| is_whole || a.layer == b.layer);
     let count = pieces.clone().count();
@@ -153,6 +155,10 @@ fn laid_piece(
         let laid = match made.route.moves.is_empty() {
             // None of its beads is printed; what it orders of heaters still is.
             true => Default::default(),
+            false if way.slicer == Slicer::Drawing => {
+                let laid = lay_with_layer_times(&mut made.route, way.settings, progress)?;
+                (laid.0, laid.1)
+            }
             false => lay_segments_with_progress(&made.route, way.settings, progress)?,
         };
         Ok((made, laid))

@@ -12,6 +12,7 @@
 //! terminal and no line.
 
 mod blocks;
+pub mod centre_lines;
 mod error;
 pub mod findings;
 pub mod gcode;

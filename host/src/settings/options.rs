@@ -201,6 +201,8 @@ options! {
     "layer-range" layer_range: [u32; 2] [];
     /// Layers of a mesh that follow its tops.
     "curved-layers" curved_layers: CurvedLayers [];
+    /// How wide the beads along centre lines are.
+    "bead-width" bead_width_mm: f64 [];
     /// How many of the part, in rows.
     "copies" copies: u32 [];
     /// Between their boxes; goes with copies.

@@ -11,6 +11,7 @@ mod paths;
 mod solids;
 
 use headway::gcode::{GcodeOptions, GcodeProgram, read};
+use headway::input::centre_lines::CentreLine;
 use headway::input::{Format, Input, ReadOptions, read_any};
 use headway::job::file;
 use headway::mesh::MeshFormat;
@@ -142,6 +143,10 @@ fn run(kind: Kind, bytes: &[u8]) -> Result<Found, String> {
             Input::Outline(loaded) => {
                 let regions = loaded.target.regions.iter();
                 Found::Area(regions.map(|region| region.area_mm2()).sum())
+            }
+            Input::Lines(drawn) => {
+                let edges = drawn.lines.iter().flat_map(CentreLine::edges);
+                Found::Path(edges.map(|[from, to]| (to - from).norm()).sum())
             }
             Input::Path(run) => {
                 let pairs = run.points.windows(2);

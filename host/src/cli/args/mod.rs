@@ -113,6 +113,10 @@ pub(crate) struct InputArgs {
     /// Repair crossings, overlaps and open contours by the fill rule, and report the changes.
     #[arg(long)]
     pub repair: bool,
+    /// Lines of a drawing (DXF, strokes of an SVG, LineStrings of a GeoJSON) are the middles of beads: each is printed once
+    /// on every layer, in place of filling what a contour encloses.
+    #[arg(long)]
+    pub centre_lines: bool,
     /// Turn a mesh about its x, then y, then z axis, degrees.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub rotate: Option<String>,
@@ -164,6 +168,10 @@ pub(crate) struct PlaceArgs {
     /// work area, on the bed]. Given several times, an outline or mesh is printed at each place.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub at: Vec<String>,
+    /// Width of the beads along --centre-lines, mm [default: the nozzle's with its long
+    /// axis across the line].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub bead_width: Option<f64>,
     /// Number of copies of an outline or mesh, in rows, up to 1000.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub copies: Option<u32>,

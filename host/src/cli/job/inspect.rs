@@ -7,6 +7,7 @@ use crate::cli::reading::{job, load};
 use crate::cli::terminal::console::Console;
 use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::{Box2, Region, Ring};
+use crate::input::centre_lines::{CentreLine, CentreLines};
 use crate::input::near_waypoints::usual_spacing_mm;
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded};
@@ -37,6 +38,7 @@ pub(crate) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError>
             return console.result(&format!("{:#}\n", path_json(&run)));
         }
         Input::Path(run) => return console.result(&path_text(&run)),
+        Input::Lines(drawn) => return console.result(&lines_text(&drawn)),
         Input::Mesh(loaded) => return mesh(args, &loaded, console),
         Input::Gcode(program) if args.json => {
             return console.result(&format!("{:#}\n", gcode_json(&program)));
@@ -47,6 +49,15 @@ pub(crate) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError>
         return console.result(&format!("{:#}\n", input_json(&loaded)));
     }
     console.result(&input_text(&loaded))
+}
+
+/// Lines of a drawing.
+fn lines_text(drawn: &CentreLines) -> String {
+    let edges = drawn.lines.iter().flat_map(CentreLine::edges);
+    let length_mm: f64 = edges.map(|[from, to]| (to - from).norm()).sum();
+    let closed = drawn.lines.iter().filter(|line| line.closed).count();
+    let (name, count) = (&drawn.name, drawn.lines.len());
+    format!("{name}: {count} lines, {closed} of them closed, {length_mm:.3} mm\n")
 }
 
 /// A mesh as it is cut.

@@ -158,11 +158,13 @@ fn of_no_use(input: &Path, asked: &PartArgs) -> Option<String> {
         filament_diameter,
         axes,
         dxf_layer,
+        centre_lines,
     } = &asked.reading;
     let of_reading = from.is_some()
         || units.is_some()
         || *scale != 1.0
         || *repair
+        || *centre_lines
         || rotate.is_some()
         || filament_diameter.is_some()
         || axes.is_some()

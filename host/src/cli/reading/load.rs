@@ -160,6 +160,7 @@ pub(crate) fn input(
         rotate_rad: rotate_rad(args.rotate.as_deref(), format)?,
         filament_mm: filament_mm(args.filament_diameter, format)?,
         dxf_layers: args.dxf_layer.clone(),
+        centre_lines: args.centre_lines,
     };
     let bytes = read_bounded(path, format.bytes_max())?;
     let input = input::read_any(&bytes, &job::stem(path), format, &options)
@@ -177,7 +178,7 @@ pub(crate) fn target(
 ) -> Result<Loaded, CliError> {
     let problem = match input(path, args, settings, console)? {
         Input::Outline(loaded) => return Ok(loaded),
-        Input::Path(_) | Input::Gcode(_) => InputError::PathNotOutline,
+        Input::Path(_) | Input::Gcode(_) | Input::Lines(_) => InputError::PathNotOutline,
         Input::Mesh(_) => InputError::MeshNotOutline,
     };
     Err(CliError::Job(format!("{}: {problem}", path.display())))
@@ -199,6 +200,7 @@ pub(crate) fn keep_out(
         filament_diameter: None,
         axes: None,
         dxf_layer: Vec::new(),
+        centre_lines: false,
         ..args.clone()
     };
     let loaded = target(path, &reading, settings, console)?;

@@ -96,6 +96,7 @@ fn options(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Options, CliErr
         layer_range: layer_range(&place.layers)?,
         curved_layers: curved_layers
             .map_err(|error: CurvedLayersTextError| CliError::Usage(error.to_string()))?,
+        bead_width_mm: place.bead_width,
         copies: place.copies,
         copy_gap_mm: place.copy_gap,
         gap_mm: place.gap,

@@ -9,7 +9,7 @@ use super::syntax;
 use crate::geometry::{Point2, Vector2};
 use crate::input::error::At;
 use crate::input::nurbs::{DEGREE_MAX, Nurbs};
-use crate::input::outline::FAR_MAX_MM;
+use crate::input::outline::{FAR_MAX_MM, RawRing};
 use crate::input::{InputError, POINTS_MAX};
 use dxf::entities::{Ellipse, EntityType, Spline};
 use dxf::{Point, Vector};
@@ -26,10 +26,26 @@ const UPRIGHT: f64 = 1e-6;
 const WHOLE_RAD: f64 = 1e-9;
 
 /// One entity as chords.
-pub(super) struct Piece {
+pub(in crate::input) struct Piece {
     pub what: String,
     pub points: Vec<Point2>,
     pub closed: bool,
+}
+
+impl From<Piece> for RawRing {
+    fn from(
+        Piece {
+            what,
+            points,
+            closed,
+        }: Piece,
+    ) -> RawRing {
+        RawRing {
+            what,
+            points,
+            closed,
+        }
+    }
 }
 
 /// How long the units are, and how close the chords.

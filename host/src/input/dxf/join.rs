@@ -25,10 +25,11 @@ const CONTOURS_MAX: usize = 20_000;
 /// An end of a piece: its number, and whether it is the last point.
 type End = (usize, bool);
 
-/// Contours from pieces, in the order of the file.
-pub(super) fn contours(
+/// Contours from pieces, in the order of the file. Where more than two ends meet, none is joined if `may_branch`.
+pub(in crate::input) fn contours(
     pieces: Vec<Piece>,
     scale: f64,
+    may_branch: bool,
     notes: &mut Vec<String>,
 ) -> Result<Vec<RawRing>, InputError> {
     let mut pieces = without_copies(pieces, notes);
@@ -48,13 +49,12 @@ pub(super) fn contours(
     let [mut same, mut near] = [Vec::new(), Vec::new()];
     // What is larger than any machine is refused as that; the grid does not reach so far.
     if !all.is_empty() && bounds.size().max() * scale <= SIZE_MAX_MM {
-        same = link(&mut pieces, &mut links, (SAME_MM / scale, bounds.min), true)?;
-        near = link(
-            &mut pieces,
-            &mut links,
-            (JOIN_MM / scale, bounds.min),
-            false,
-        )?;
+        let mut joined = |reach_mm: f64, is_exact| {
+            let reach = (reach_mm / scale, bounds.min);
+            link(&mut pieces, &mut links, reach, [is_exact, may_branch])
+        };
+        same = joined(SAME_MM, true)?;
+        near = joined(JOIN_MM, false)?;
     }
     let widest = near.iter().fold(0.0, |widest: f64, gap| widest.max(*gap)) * scale;
     if !near.is_empty() {
@@ -107,7 +107,7 @@ fn link(
     pieces: &mut [Piece],
     links: &mut [[Option<End>; 2]],
     (reach_mm, corner): (f64, Point2),
-    is_exact: bool,
+    [is_exact, may_branch]: [bool; 2],
 ) -> Result<Vec<f64>, InputError> {
     let free: Vec<End> = (0..pieces.len())
         .filter(|&piece| !pieces[piece].closed)
@@ -138,8 +138,11 @@ fn link(
                 best = Some((gap, other));
             }
         }
-        if within > 1 && (is_exact || within >= ENDS_MAX) {
-            return Err(InputError::Branch { at: At(at) });
+        if within > 1 && (is_exact || may_branch || within >= ENDS_MAX) {
+            if !may_branch {
+                return Err(InputError::Branch { at: At(at) });
+            }
+            best = None;
         }
         nearest.push(best.map(|(_, other)| other));
     }

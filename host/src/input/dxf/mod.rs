@@ -8,11 +8,11 @@
 //! ASCII DXF, unit by `$INSUNITS` (mm where it gives none) or `--units`. Out: contours, mm before
 //! `--scale`, and notes. Not covered: blocks, hatches, texts, dimensions, solids, and binary DXF.
 
-mod curves;
-mod join;
+pub(super) mod curves;
+pub(super) mod join;
 mod records;
 
-use super::outline::{Drawing, Rule, Shape};
+use super::outline::{Drawing, RawRing, Rule, Shape};
 use super::{InputError, ReadOptions, Units};
 use curves::{Flattener, Piece};
 use records::Record;
@@ -52,7 +52,10 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
     for batch in found.records.chunks(RECORDS_AT_ONCE) {
         entities(batch, &mut flattener, &mut pieces)?;
     }
-    let rings = join::contours(pieces, options.scale, &mut notes)?;
+    let rings = match options.centre_lines {
+        true => pieces.into_iter().map(RawRing::from).collect(),
+        false => join::contours(pieces, options.scale, false, &mut notes)?,
+    };
     let what = "the drawing".to_string();
     let rule = Rule::EvenOdd;
     Ok(Drawing {

@@ -31,12 +31,16 @@ pub fn gcode_findings(
     let mut warnings = warnings(program, planned);
     warnings.extend(settings_warnings(settings));
     let transform = &planned.transform;
-    warnings.extend(moved(transform.offset_mm).filter(|_| settings.at_mm.is_none()));
+    let may_tell = settings.at_mm.is_none() && !program.is_drawn();
+    warnings.extend(moved(transform.offset_mm).filter(|_| may_tell));
     let touches = planned.touches.as_ref();
     let objections = touches.and_then(|touches| Objection::of_touches(touches, transform));
     let mut objections: Vec<Objection> = objections.into_iter().collect();
     let laid = Laid::NOTHING.with(&planned.stream, &planned.settings);
-    let late = LateLayers::default();
+    let late = match program.is_drawn() {
+        true => LateLayers::of_marks(&planned.stream, &planned.settings),
+        false => LateLayers::default(),
+    };
     objections.extend(laid.objections(&late, transform, &planned.settings));
     let volume_mm3 = planned.figures.volume_mm3;
     let wide = laid.figures(&late, volume_mm3, transform, &planned.settings);
@@ -90,11 +94,15 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
         }
     }
     let off = &planned.off;
+    let [meant, volume] = match program.is_drawn() {
+        true => ["asked for", "that of beads as asked for"],
+        false => ["the file's", "the file's"],
+    };
     if off.eighth_mm > OFF_TOLD_MM {
         warnings.push(format!(
             "{:.1} mm of {:.1} mm of beads are laid at corners and on links while the nozzle turns, wider or narrower \
-             than the file's by more than an eighth, {:.1} mm of them by more than a third ({:.1} mm in one piece at \
-             most): the volume is the file's",
+             than {meant} by more than an eighth, {:.1} mm of them by more than a third ({:.1} mm in one piece at \
+             most): the volume is {volume}",
             off.eighth_mm, f.print_mm, off.third_mm, off.longest_mm
         ));
     }

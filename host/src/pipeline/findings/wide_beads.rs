@@ -27,9 +27,21 @@ pub(crate) struct LateLayers {
 impl LateLayers {
     /// Of the time of each layer.
     pub(crate) fn of(uses: &[LayerUse], settings: &Settings) -> LateLayers {
+        LateLayers::of_seconds(uses.iter().map(|of| (of.layer, of.seconds)), settings)
+    }
+
+    /// Of a stream by itself.
+    pub(crate) fn of_marks(stream: &SegmentStream, settings: &Settings) -> LateLayers {
+        let servo_hz = f64::from(settings.machine.servo_hz);
+        let seconds = |mark: &Mark| (mark.end_tick - mark.start_tick) as f64 / servo_hz;
+        let marks = stream.marks.iter().map(|mark| (mark.layer, seconds(mark)));
+        LateLayers::of_seconds(marks, settings)
+    }
+
+    fn of_seconds(all: impl Iterator<Item = (u32, f64)>, settings: &Settings) -> LateLayers {
         let mut seconds: BTreeMap<u32, f64> = BTreeMap::new();
-        for of_layer in uses {
-            *seconds.entry(of_layer.layer).or_default() += of_layer.seconds;
+        for (layer, layer_s) in all {
+            *seconds.entry(layer).or_default() += layer_s;
         }
         let most_s = settings.wide_beads.layer_time_max_s;
         let mut found = LateLayers {

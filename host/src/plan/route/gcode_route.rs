@@ -13,7 +13,7 @@ use crate::plan::route::bead_curve::parts::headings_rad;
 use crate::plan::route::bead_curve::{Bead, BeadCurve, BeadMove, travel_control};
 use crate::plan::route::bead_headings::{WidthOff, bead_headings};
 use crate::plan::route::flow::event_duration_s;
-use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
+use crate::plan::route::moves::{MoveEvent, Route, RouteMove, way_mm};
 use crate::plan::route::told_headings::HeadingJumps;
 use crate::settings::Settings;
 use headway_protocol::units::{
@@ -274,7 +274,18 @@ impl Head<'_> {
         number: u32,
         [prime, retract]: [Option<Push>; 2],
     ) {
-        let of_machine = self.way.settings.prime_retract;
+        let first = moves.first().and_then(|of_move| of_move.control.first());
+        let first = first.copied().unwrap_or(self.at);
+        let of_machine = match self.way.slicer {
+            Slicer::Drawing => {
+                let last = moves.last().and_then(|of_move| of_move.control.last());
+                let volume_mm3 =
+                    last.map_or(0.0, |last| last[CHANNEL_VOLUME] - first[CHANNEL_VOLUME]);
+                let lengths = moves.iter().map(|of_move| way_mm(&of_move.control));
+                self.way.settings.starts_and_ends(volume_mm3, lengths.sum())
+            }
+            _ => self.way.settings.prime_retract,
+        };
         let own = [of_machine.prime_mm3, of_machine.prime_rate_mm3_s];
         let prime = self.push(prime, own);
         let own = [of_machine.retract_mm3, of_machine.retract_rate_mm3_s];
@@ -287,8 +298,6 @@ impl Head<'_> {
                 duration_s,
             });
         }
-        let first = moves.first().and_then(|of_move| of_move.control.first());
-        let first = first.copied().unwrap_or(self.at);
         let turn_rad = self.at[CHANNEL_HEADING] - first[CHANNEL_HEADING];
         let start = self.at;
         for (k, of_move) in moves.iter().enumerate() {

@@ -22,7 +22,7 @@ const CORNER_MIN: f64 = 0.5;
 const CROSS_MIN: f64 = 0.05;
 
 /// True where a pass begins right above the end of another: nothing is crossed, so the material stays where it is.
-pub(super) fn is_right_above(begin_mm: [f64; 3], end_mm: [f64; 3], settings: &Settings) -> bool {
+pub fn is_right_above(begin_mm: [f64; 3], end_mm: [f64; 3], settings: &Settings) -> bool {
     let [x, y, z] = [0, 1, 2].map(|axis| begin_mm[axis] - end_mm[axis]);
     z > 0.0 && x.hypot(y) < CROSS_MIN * settings.aperture.unit_mm()
 }

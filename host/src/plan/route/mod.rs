@@ -18,7 +18,7 @@ pub mod clear_travel;
 pub mod curve_cuts;
 pub mod flow;
 pub mod gcode_route;
-mod hop;
+pub mod hop;
 pub mod keep_out;
 pub mod lean;
 pub mod moves;

@@ -2,6 +2,7 @@
 
 mod api;
 mod awkward;
+mod centre_lines;
 mod copies;
 mod curved_layers;
 mod dxf;
