@@ -188,6 +188,7 @@ fn pass_of(number: u32, line: &CentreLine, aperture: &Aperture) -> LayerPass {
         channel: number,
         closed: line.closed,
         placements,
+        then: Vec::new(),
     }
 }
 

@@ -16,7 +16,8 @@ use crate::pipeline::findings::time_figures;
 use crate::pipeline::planned::Planned;
 use crate::report::figures::Figures;
 use crate::report::job_texts::{
-    LAYER_OUTLINES_TEXT, NAME_TEXT, OUTLINE_TEXT, PASS_KINDS_TEXT, SETTINGS_TEXT, outline_to_json,
+    LATER_KINDS_TEXT, LAYER_OUTLINES_TEXT, NAME_TEXT, OUTLINE_TEXT, PASS_KINDS_TEXT, SETTINGS_TEXT,
+    outline_to_json,
 };
 use crate::settings::{Settings, machine_file};
 use std::io::{Read, Seek, Write};
@@ -141,6 +142,9 @@ pub fn job_header(job: &Planned, stream: StreamFacts) -> JobHeader {
     }
     if let Some(text) = job.pass_facts.text() {
         header.texts.insert(PASS_KINDS_TEXT.to_string(), text);
+    }
+    if let Some(text) = job.pass_facts.later_text() {
+        header.texts.insert(LATER_KINDS_TEXT.to_string(), text);
     }
     if !heat.is_empty() {
         let text = heat::to_json(&heat);

@@ -5,9 +5,10 @@
 
 use crate::gcode::{BeadKind, GcodePass, Leg};
 use crate::job::{Mark, MotionState};
-use crate::pipeline::layer_uses::Use;
+use crate::pipeline::layer_uses::{PassUse, Use};
 use crate::report::layer_path::{PathPoint, What};
 use nalgebra::Vector3;
+use std::collections::BTreeMap;
 
 /// How much farther along a file's pass a point may be than it is from the point before, mm: what corners are rounded
 /// by. A loop that is closed ends where it begins; the end is not considered too early.
@@ -39,11 +40,14 @@ pub enum PassFacts {
     /// Nothing: the job came from a file without them.
     #[default]
     Unknown,
-    /// By the number of the pass.
-    Kinds(Vec<What>),
+    /// By the number of the pass, and what is something else by number and servo ticks from its start on.
+    Kinds(Vec<What>, LaterKinds),
     /// Of a slicer's file.
     File(FilePasses),
 }
+
+/// By the number of a pass and servo ticks after its start: what it is from there on.
+pub type LaterKinds = BTreeMap<(u32, u64), What>;
 
 /// Passes of a file, and the one that each pass of the job follows.
 #[derive(Clone, Debug)]
@@ -59,12 +63,12 @@ impl PassFacts {
     pub fn line_name(&self) -> &'static str {
         match self {
             PassFacts::File(_) => "Line of the file",
-            PassFacts::Unknown | PassFacts::Kinds(_) => "Segment",
+            PassFacts::Unknown | PassFacts::Kinds(..) => "Segment",
         }
     }
 
     /// Of a plan's passes in their order.
-    pub fn of_uses(uses: &[Use]) -> PassFacts {
+    pub fn of_uses(uses: &[PassUse]) -> PassFacts {
         let what = |used: &Use| match used {
             Use::Walls => What::Wall,
             Use::Solid => What::Solid,
@@ -73,24 +77,38 @@ impl PassFacts {
             Use::Skirt => What::Skirt,
             Use::Travel | Use::Standing => What::Bead,
         };
-        PassFacts::Kinds(uses.iter().map(what).collect())
+        let later = (0..).zip(uses).flat_map(|(number, of_pass)| {
+            let then = of_pass.then.iter();
+            then.map(move |(ticks, used)| ((number, *ticks), what(used)))
+        });
+        let later = later.collect();
+        PassFacts::Kinds(uses.iter().map(|of| what(&of.first)).collect(), later)
+    }
+
+    /// What a job file has of passes that change their kind: number, servo ticks from its start and letter of each change.
+    pub fn later_text(&self) -> Option<String> {
+        let PassFacts::Kinds(_, later) = self else {
+            return None;
+        };
+        let rows = later.iter();
+        let rows: Vec<_> = rows
+            .map(|((pass, ticks), what)| (pass, ticks, letter_of(*what)))
+            .collect();
+        let text = serde_json::to_string(&rows).ok();
+        text.filter(|_| !rows.is_empty())
     }
 
     /// What a job file has of them: a letter for each pass, of a slicer's file that of its first line. `None` where nothing
     /// is known.
     pub fn text(&self) -> Option<String> {
-        let letter = |what: What| {
-            let known = LETTERS.iter().find(|(_, of)| *of == what);
-            known.map_or(UNKNOWN_LETTER, |(letter, _)| *letter)
-        };
         let text: String = match self {
             PassFacts::Unknown => return None,
-            PassFacts::Kinds(kinds) => kinds.iter().map(|kind| letter(*kind)).collect(),
+            PassFacts::Kinds(kinds, _) => kinds.iter().map(|kind| letter_of(*kind)).collect(),
             PassFacts::File(file) => {
                 let passes = file.of_job.iter().map(|&number| file.passes.get(number));
                 let first = passes.map(|pass| pass.and_then(|pass| pass.legs.first()));
                 first
-                    .map(|leg| letter(leg.map_or(What::Bead, what)))
+                    .map(|leg| letter_of(leg.map_or(What::Bead, what)))
                     .collect()
             }
         };
@@ -98,13 +116,18 @@ impl PassFacts {
         is_known.then_some(text)
     }
 
-    /// What [`PassFacts::text`] wrote; another letter is a bead of which no more is known.
-    pub fn of_text(text: &str) -> PassFacts {
+    /// What [`PassFacts::text`] and [`PassFacts::later_text`] wrote; another letter is a bead of which no more is known.
+    pub fn of_texts(text: &str, later: Option<&str>) -> PassFacts {
         let what = |letter: char| {
             let known = LETTERS.iter().find(|(of, _)| *of == letter);
             known.map_or(What::Bead, |(_, what)| *what)
         };
-        PassFacts::Kinds(text.chars().map(what).collect())
+        let rows = later.and_then(|later| serde_json::from_str(later).ok());
+        let rows: Vec<(u32, u64, char)> = rows.unwrap_or_default();
+        let later = rows
+            .iter()
+            .map(|(pass, ticks, letter)| ((*pass, *ticks), what(*letter)));
+        PassFacts::Kinds(text.chars().map(what).collect(), later.collect())
     }
 
     /// What the head does from a point on, and its line.
@@ -113,17 +136,21 @@ impl PassFacts {
         move |mark, point| match self {
             PassFacts::File(file) => file.at(mark, point, &mut at),
             _ => (
-                What::of(mark.state, self.bead(mark.pass)),
+                What::of(mark.state, self.bead(mark, point.tick)),
                 point.segment as u32 + 1,
             ),
         }
     }
 
-    fn bead(&self, pass: Option<u32>) -> What {
-        let PassFacts::Kinds(kinds) = self else {
+    fn bead(&self, mark: &Mark, tick: u64) -> What {
+        let (PassFacts::Kinds(kinds, later), Some(pass)) = (self, mark.pass) else {
             return What::Bead;
         };
-        let kind = pass.and_then(|pass| kinds.get(pass as usize));
+        let begun = later.range((pass, 0)..=(pass, tick.saturating_sub(mark.start_tick)));
+        let kind = begun
+            .last()
+            .map(|(_, what)| what)
+            .or_else(|| kinds.get(pass as usize));
         kind.copied().unwrap_or(What::Bead)
     }
 }
@@ -188,6 +215,11 @@ fn followed(pass: &GcodePass, before: Followed, tip_mm: Vector3<f64>) -> Followe
     }
 }
 
+fn letter_of(what: What) -> char {
+    let known = LETTERS.iter().find(|(_, of)| *of == what);
+    known.map_or(UNKNOWN_LETTER, |(letter, _)| *letter)
+}
+
 fn what(leg: &Leg) -> What {
     match leg.kind {
         BeadKind::Wall => What::Wall,
@@ -202,17 +234,38 @@ fn what(leg: &Leg) -> What {
 
 #[cfg(test)]
 mod tests {
-    use super::{PassFacts, What};
-    use crate::pipeline::layer_uses::Use;
+    use super::{Mark, MotionState, PassFacts, What};
+    use crate::pipeline::layer_uses::{PassUse, Use};
 
     /// Goal: a job file says of its passes what the plan knew, and unknown letters are no more than beads. Method: one of each
     /// kind there and back.
     #[test]
     fn kinds_come_back() {
         let uses = [Use::Walls, Use::Solid, Use::Sparse, Use::Bridge, Use::Skirt];
-        let text = PassFacts::of_uses(&uses).text().expect("kinds");
+        let mut uses = uses.map(|first| PassUse {
+            first,
+            then: Vec::new(),
+        });
+        uses[0].then = vec![(30, Use::Solid), (70, Use::Bridge)];
+        let facts = PassFacts::of_uses(&uses);
+        let text = facts.text().expect("kinds");
         assert_eq!(text, "wfsbk");
-        let PassFacts::Kinds(kinds) = PassFacts::of_text(&format!("{text}u?-")) else {
+        let then = facts.later_text().expect("later kinds");
+        assert_eq!(then, r#"[[0,30,"f"],[0,70,"b"]]"#);
+        let facts = PassFacts::of_texts(&format!("{text}u?-"), Some(&then));
+        let mark = Mark {
+            start_tick: 100,
+            end_tick: 200,
+            state: MotionState::Print,
+            layer: 0,
+            pass: Some(0),
+        };
+        let at = |tick: u64| facts.bead(&mark, tick);
+        assert_eq!(
+            [at(129), at(130), at(171)],
+            [What::Wall, What::Solid, What::Bridge]
+        );
+        let PassFacts::Kinds(kinds, _) = &facts else {
             panic!("kinds");
         };
         let [wall, solid, sparse, bridge, skirt, support, other, unknown] = kinds[..] else {
@@ -228,6 +281,6 @@ mod tests {
         );
         assert_eq!([other, unknown], [What::Bead; 2]);
         assert_eq!(PassFacts::Unknown.text(), None);
-        assert_eq!(PassFacts::of_text("--").text(), None);
+        assert_eq!(PassFacts::of_texts("--", None).text(), None);
     }
 }

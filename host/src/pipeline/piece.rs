@@ -8,7 +8,7 @@ use super::Plan;
 use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::pipeline::layer_time::SlowedLayers;
-use crate::pipeline::layer_uses::{LayerUse, Use, layer_uses, pass_uses};
+use crate::pipeline::layer_uses::{LayerUse, PassUse, layer_uses, pass_uses};
 use crate::pipeline::open_ground::{self, OpenGround};
 use crate::pipeline::stack::{LeftOut, Stack};
 use crate::pipeline::stacked_ground::{OpenCells, open_cells};
@@ -70,7 +70,7 @@ pub struct Piece {
     /// What its layers are spent on.
     pub uses: Vec<LayerUse>,
     /// What each of its passes is.
-    pub pass_uses: Vec<Use>,
+    pub pass_uses: Vec<PassUse>,
     /// Layers that were slowed.
     pub slowed: SlowedLayers,
     /// Uncovered area by cells, and the number of evaluated layers.

@@ -18,6 +18,8 @@ pub const LAYER_OUTLINES_TEXT: &str = "layer_outlines";
 
 /// Key of the kinds of the passes, a letter each, among a job's texts.
 pub const PASS_KINDS_TEXT: &str = "pass_kinds";
+/// Key of the passes that change their kind on their way: number, servo ticks from the start and letter of each change.
+pub const LATER_KINDS_TEXT: &str = "later_kinds";
 
 /// Longest text of the outlines of layers, bytes: those of layers beyond it are left out.
 const LAYER_OUTLINES_MAX: usize = 1 << 20;

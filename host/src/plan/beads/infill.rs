@@ -379,6 +379,7 @@ impl Lines<'_> {
             channel: 0,
             closed: false,
             placements,
+            then: Vec::new(),
         }
     }
 }

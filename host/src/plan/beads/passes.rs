@@ -299,6 +299,7 @@ fn channel_passes(
                     channel: channel as u32,
                     closed,
                     placements,
+                    then: Vec::new(),
                 },
             ));
         }
@@ -381,6 +382,7 @@ fn single_passes(run: &SingleRun, walls: &EdgeIndex, settings: &PassSettings) ->
             channel: 0,
             closed,
             placements,
+            then: Vec::new(),
         })
         .filter(|pass| pass.length_mm() > 0.5 * settings.aperture.minor_mm())
         .collect()

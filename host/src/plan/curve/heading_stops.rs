@@ -119,7 +119,7 @@ impl<'a> PassCutter<'a> {
         let pieces = [0].into_iter().chain(begins).zip(ends);
         let pieces = pieces.map(|(begin, end)| LayerPass {
             placements: pass.placements[begin..=end].to_vec(),
-            ..*pass
+            ..pass.clone()
         });
         pieces.collect()
     }

@@ -133,6 +133,7 @@ impl Tour {
         LayerPass {
             placements,
             closed: gap.is_none(),
+            then: pass.then.clone(),
             ..*pass
         }
     }

@@ -245,6 +245,7 @@ fn chain(
     let first = &passes[from.0];
     let mut result = LayerPass {
         placements: Vec::new(),
+        then: Vec::new(),
         ..*first
     };
     let mut entry = from;

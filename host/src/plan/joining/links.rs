@@ -47,7 +47,7 @@ pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) ->
             placement.at.heading_rad += turned;
         }
         before.placements.extend(link);
-        before.placements.extend(next.placements);
+        before.append(next);
     }
     result
 }

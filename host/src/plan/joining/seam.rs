@@ -122,6 +122,7 @@ mod tests {
             channel: 1,
             closed: true,
             placements: profile(&contacts, true, TURN_WEIGHT_MM4, &ELLIPSE, &walls),
+            then: Vec::new(),
         }
     }
 

@@ -239,6 +239,7 @@ pub fn region_prints(
 #[derive(Clone, Debug)]
 struct PrintCurve {
     kind: PassKind,
+    then: Vec<(usize, PassKind)>,
     control: Arc<[PlaneControl]>,
 }
 
@@ -296,6 +297,7 @@ pub fn plane_passes(
         for curve in curves {
             passes.push(PlanePass {
                 kind: curve.kind,
+                then: curve.then.clone(),
                 layer,
                 z_mm: transform.offset_mm[2] + top_mm.get(&layer).copied().unwrap_or_default(),
                 control: curve.control.clone(),
@@ -404,13 +406,44 @@ impl FramedPasses<'_> {
                 Some(control) => vec![control.to_vec()],
                 None => cutter.curves(pass, whole),
             };
-            curves.extend(found.iter().map(|control| PrintCurve {
-                kind: pass.kind,
+            let kinds = kinds_of(pass, &found).into_iter().zip(&found);
+            curves.extend(kinds.map(|((kind, then), control)| PrintCurve {
+                kind,
+                then,
                 control: control.iter().map(to_machine).collect(),
             }));
         }
         curves
     }
+}
+
+/// The kind of each curve of a pass, and the control points from which on it is of another one.
+fn kinds_of(
+    pass: &LayerPass,
+    curves: &[Vec<PlaneControl>],
+) -> Vec<(PassKind, Vec<(usize, PassKind)>)> {
+    let mut from = (0, 0);
+    let mut begins = Vec::with_capacity(pass.then.len());
+    for (place, kind) in &pass.then {
+        let all = (0..curves.len()).flat_map(|c| (0..curves[c].len()).map(move |i| (c, i)));
+        let away_mm =
+            |(c, i): (usize, usize)| (curves[c][i][0] - place.x).hypot(curves[c][i][1] - place.y);
+        let nearest = all.filter(|at| *at >= from);
+        from = nearest
+            .min_by(|a, b| away_mm(*a).total_cmp(&away_mm(*b)))
+            .unwrap_or(from);
+        begins.push((from, *kind));
+    }
+    let of_curve = |number: usize| {
+        let before = begins.iter().rev().find(|(at, _)| *at <= (number, 0));
+        let within = begins.iter().filter(|((c, i), _)| *c == number && *i > 0);
+        let within = within.map(|((_, i), kind)| (*i, *kind));
+        (
+            before.map_or(pass.kind, |(_, kind)| *kind),
+            within.collect(),
+        )
+    };
+    (0..curves.len()).map(of_curve).collect()
 }
 
 fn check_length<'a>(

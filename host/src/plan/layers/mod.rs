@@ -32,8 +32,10 @@ use std::sync::Arc;
 /// A pass ready to be printed: its curve in the layer plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanePass {
-    /// Its kind, for pictures.
+    /// Its kind.
     pub kind: PassKind,
+    /// The control points from which on it is of another kind, and that, in order.
+    pub then: Vec<(usize, PassKind)>,
     /// Layer from 0.
     pub layer: u32,
     /// Tip height, mm.

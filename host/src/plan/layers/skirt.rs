@@ -279,6 +279,7 @@ fn loop_passes(
                 channel,
                 closed,
                 placements,
+                then: Vec::new(),
             }));
         }
     }

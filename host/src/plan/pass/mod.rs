@@ -85,9 +85,24 @@ pub struct LayerPass {
     pub closed: bool,
     /// Placements in order, headings unwrapped.
     pub placements: Vec<Placement>,
+    /// Where passes of other kinds were joined to it, in order: the place from which on it is of that kind.
+    pub then: Vec<(Point2, PassKind)>,
 }
 
 impl LayerPass {
+    /// Adds a pass behind the placements that are there already.
+    pub fn append(&mut self, next: LayerPass) {
+        let own = self.then.last().map_or(self.kind, |(_, kind)| *kind);
+        let is_alike = own == next.kind || own.follows_walls() && next.kind.follows_walls();
+        let begin = next
+            .placements
+            .first()
+            .map(|first| (first.at.center, next.kind));
+        self.then.extend(begin.filter(|_| !is_alike));
+        self.then.extend(next.then);
+        self.placements.extend(next.placements);
+    }
+
     /// Path length of the centre from the first placement to the last, mm.
     pub fn length_mm(&self) -> f64 {
         let pairs = self.placements.windows(2);

@@ -33,6 +33,7 @@ pub fn pass(places: impl IntoIterator<Item = (Point2, f64)>, closed: bool) -> La
         channel: 1,
         closed,
         placements: places.map(|(at, heading)| placement(at, heading)).collect(),
+        then: Vec::new(),
     }
 }
 

@@ -324,16 +324,53 @@ impl Head<'_> {
     }
 
     fn print(&mut self, pass: &PlanePass, volume_mm3: &[f64], number: u32) {
-        let asked = asked_of(pass, self.settings);
-        let flow = asked.flow_factor.unwrap_or(1.0);
-        let control = self.print_control(pass, volume_mm3, flow);
+        let parts = asked_of(pass, self.settings);
+        let control = self.print_control(pass, volume_mm3, &parts);
+        let (speeds_mm_s, asked) = self.speeds(&parts);
         let number = Some(number);
         self.push(MotionState::Print, pass.layer, number, control, 0.0, None);
         if let Some(printed) = self.route.moves.last_mut() {
             let share = self.settings.plan_share;
             printed.speed_mm_s = asked.speed_mm_s.map(|speed| speed * share);
             printed.acceleration_mm_s2 = asked.acceleration_mm_s2.map(|bend| bend * share);
+            printed.speeds_mm_s = speeds_mm_s;
         }
+    }
+
+    /// Speeds by control point where the parts of a pass ask for several, changing within a span; and what holds all along:
+    /// the fastest of these, and the least acceleration.
+    fn speeds(&self, parts: &[(usize, KindSettings)]) -> (Vec<[f64; 2]>, KindSettings) {
+        let speed_mm_s =
+            |asked: &KindSettings| asked.speed_mm_s.unwrap_or(self.settings.speed_mm_s);
+        let (_, first) = parts[0];
+        let all = parts[1..]
+            .iter()
+            .fold(first, |all, (_, asked)| all.with(*asked));
+        if parts
+            .iter()
+            .all(|(_, asked)| asked.speed_mm_s == first.speed_mm_s)
+        {
+            return (Vec::new(), all);
+        }
+        let share = self.settings.plan_share;
+        let ends = parts[1..].iter().map(|(from, _)| from.saturating_sub(1));
+        let ends = ends.map(Some).chain([None]);
+        let speeds = parts.iter().zip(ends).flat_map(|((from, asked), end)| {
+            let planned_mm_s = speed_mm_s(asked) * share;
+            let end = end
+                .filter(|end| end > from)
+                .map(|end| [end as f64, planned_mm_s]);
+            [[*from as f64, planned_mm_s]].into_iter().chain(end)
+        });
+        let fastest_mm_s = parts
+            .iter()
+            .map(|(_, asked)| speed_mm_s(asked))
+            .fold(0.0, f64::max);
+        let all = KindSettings {
+            speed_mm_s: Some(fastest_mm_s),
+            ..all
+        };
+        (speeds.collect(), all)
     }
 
     /// Pulls the material back: begins before the last pass ends, and rests until it is done.
@@ -361,35 +398,51 @@ impl Head<'_> {
         &self,
         pass: &PlanePass,
         volume_mm3: &[f64],
-        flow: f64,
+        parts: &[(usize, KindSettings)],
     ) -> Vec<[f64; CHANNELS]> {
         let turn = self.at[CHANNEL_HEADING] - pass.control[0][2];
-        let places = pass.control.iter().zip(volume_mm3);
+        let flow_of = |part: usize| parts[part].1.flow_factor.unwrap_or(1.0);
+        // What the parts before lay more than at the flow of the one that is printed.
+        let (mut part, mut more_mm3) = (0, 0.0);
+        let places = pass.control.iter().zip(volume_mm3).enumerate();
         places
-            .map(|(&[x, y, heading], volume_mm3)| {
+            .map(|(index, (&[x, y, heading], volume_mm3))| {
+                while parts.get(part + 1).is_some_and(|(from, _)| *from <= index) {
+                    more_mm3 += (flow_of(part) - flow_of(part + 1)) * volume_mm3;
+                    part += 1;
+                }
                 let mut point = self.at;
                 point[CHANNEL_X] = x;
                 point[CHANNEL_Y] = y;
                 point[CHANNEL_Z] = pass.z_mm;
                 point[CHANNEL_HEADING] = heading + turn;
-                point[CHANNEL_VOLUME] += flow * volume_mm3;
+                point[CHANNEL_VOLUME] += flow_of(part) * volume_mm3 + more_mm3;
                 point
             })
             .collect()
     }
 }
 
-/// Requests of a pass in addition to the general settings.
-fn asked_of(pass: &PlanePass, settings: &Settings) -> KindSettings {
+/// Requests of a pass in addition to the general settings, by the control points from which on they hold.
+fn asked_of(pass: &PlanePass, settings: &Settings) -> Vec<(usize, KindSettings)> {
+    let parts = [(0, pass.kind)]
+        .into_iter()
+        .chain(pass.then.iter().copied());
+    parts
+        .map(|(from, kind)| (from, asked_by(kind, pass.layer, settings)))
+        .collect()
+}
+
+fn asked_by(kind: PassKind, layer: u32, settings: &Settings) -> KindSettings {
     let kinds = &settings.kinds;
-    let own = match pass.kind {
+    let own = match kind {
         PassKind::TwoPass | PassKind::OnePass => kinds.walls,
         PassKind::Infill => kinds.solid,
         PassKind::Sparse => kinds.sparse,
         PassKind::Bridge | PassKind::Roof => kinds.bridge,
         PassKind::Skirt => kinds.skirt,
     };
-    match pass.layer {
+    match layer {
         0 => own.with(kinds.first_layer),
         _ => own,
     }
@@ -416,6 +469,7 @@ mod tests {
         let turn = |deg: f64| f64::to_radians(deg);
         let pass = PlanePass {
             kind: PassKind::TwoPass,
+            then: Vec::new(),
             layer: 0,
             z_mm: 0.2,
             control: (0..=30)

@@ -9,6 +9,7 @@ mod dxf;
 mod gcode;
 mod gcode_axes;
 mod idle_options;
+mod joined_kinds;
 mod meshes;
 mod projects;
 mod start_blocks;
