@@ -45,6 +45,12 @@ const MATERIAL_TO_FILL_IN: &str = "
 # hot_end_c = 215
 # bed_c = 60
 # fan_pct = 100
+# The fan is off on the first layer, which may be hotter, and slower.
+# fan_from_layer = 2
+# first_layer_hot_end_c = 220
+# first_layer_bed_c = 65
+# [kinds.first_layer]
+# speed_mm_s = 20
 ";
 
 fn written(settings: &Settings, with_layers: bool) -> String {

@@ -405,3 +405,41 @@ fn a_polygon_aperture_comes_from_its_file() {
     assert!(stderr(&output).contains("drop.json"), "{}", stderr(&output));
     std::fs::remove_dir_all(folder).expect("clean up");
 }
+
+/// Goal: the lines that a new machine file has of a material are one that prints its first layer hot and slow without the fan.
+/// Method: their marks taken away, the file planned with.
+#[test]
+fn a_new_machine_files_material_can_be_filled_in() {
+    let folder = folder("material");
+    let (machine, job) = (folder.join("machine.toml"), folder.join("part.hwj"));
+    let new = ["machine", "new", "--kind", "corexy", "-o", path(&machine)];
+    succeeded(&headway(&new));
+    let text = std::fs::read_to_string(&machine).expect("a machine file");
+    let (own, material) = text.split_once("# [material]").expect("lines to fill in");
+    let filled = material
+        .replace("# The fan", "## The fan")
+        .replace("\n# ", "\n");
+    std::fs::write(&machine, format!("{own}[material]{filled}")).expect("written");
+    let file = example("taper.json");
+    let plan = [
+        "plan",
+        &file,
+        "-m",
+        path(&machine),
+        "--layers",
+        "2",
+        "-o",
+        path(&job),
+    ];
+    succeeded(&headway(&[&plan[..], &["--quality", "fast"]].concat()));
+    let heat = object(&headway(&["inspect", path(&job), "--json"]))["heat"].to_string();
+    let at = |part: &str| {
+        heat.find(part)
+            .unwrap_or_else(|| panic!("{part} in {heat}"))
+    };
+    assert!(at("220") < at("215") && at("65") < at("60"), "{heat}");
+    assert!(
+        at("215") < at("fan"),
+        "the fan comes with the second layer: {heat}"
+    );
+}
