@@ -183,7 +183,7 @@ figures! {
     /// Worst jerk over its share of the limit.
     limit_ratio_jerk: f64 => 403 "worst jerk / limit", number(4, "");
     /// Share of the printing time at each limit; "none" is the share at no limit.
-    time_share_by_limit: BTreeMap<String, f64> => 404 "printing time at", |shares| time_shares(shares);
+    time_share_by_limit: BTreeMap<String, f64> => 404 "printing time at", time_shares;
     /// The five places of about a millimetre that take longest, the slowest first.
     slow_places: Vec<SlowPlaceFigures> => 405 "slowest place", |places| slowest_place(places);
     /// Where beads are uneven, by kind: absent for even ones.

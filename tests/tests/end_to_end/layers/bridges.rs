@@ -420,7 +420,7 @@ impl Covered {
         let is_roof = |sample: &StreamSample| {
             let pass = sample.mark.pass.unwrap_or_default() as usize;
             sample.mark.state == MotionState::Print
-                && plan.printed.pass_uses.get(pass) == Some(&Use::Bridge)
+                && (plan.printed.pass_uses.get(pass)).is_some_and(|own| own.first == Use::Bridge)
         };
         let mut passes: Vec<(u32, Vec<(Point2, bool)>)> = Vec::new();
         for sample in samples.filter(is_roof) {

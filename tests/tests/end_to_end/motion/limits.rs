@@ -420,7 +420,7 @@ fn settings_that_cannot_be_are_refused_by_the_library_too() {
         settings.speed_mm_s = speed_mm_s;
         let refused = headway::plan_target(&square, &settings).expect_err("no such speed");
         assert!(
-            matches!(refused, headway::PlanError::Settings(_)),
+            matches!(refused, headway::PlanError::Refused(_)),
             "{speed_mm_s}: {refused}"
         );
     }
