@@ -153,6 +153,17 @@ pub(super) fn heading(asked: &Asked, settings: &Settings) -> Result<Drawn, Calib
              the first is what {turns} turns lose."
         ));
     }
+    Ok(Drawn {
+        unit: "degrees",
+        lines,
+        machines: Vec::new(),
+        reading,
+        change: heading_change(turns, settings),
+    })
+}
+
+/// What to change by the values read off the fans.
+fn heading_change(turns: u32, settings: &Settings) -> String {
     let joint = joint_names(&settings.machine.kinematics).last();
     let joint = joint.copied().unwrap_or("c");
     let mut change = format!(
@@ -166,13 +177,7 @@ pub(super) fn heading(asked: &Asked, settings: &Settings) -> Result<Drawn, Calib
             360 * turns
         );
     }
-    Ok(Drawn {
-        unit: "degrees",
-        lines,
-        machines: Vec::new(),
-        reading,
-        change,
-    })
+    change
 }
 
 /// Lines that are slow, fast and slow again, each by a machine with another pressure advance.

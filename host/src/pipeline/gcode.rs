@@ -6,8 +6,8 @@
 //! ```
 //! Layers are planned one by one and their streams put together, so that beside the file's path only
 //! finished segments grow, and poses where the head might touch what stands. Machines whose joints wind up
-//! are planned in one piece, and so are lines that were drawn, whose layers may go on into each other. Leaves out what is the slicer's: which ground is printed, in which order, how
-//! densely.
+//! are planned in one piece, and so are lines that were drawn, whose layers may go on into each other. Leaves out what is
+//! the slicer's: which ground is printed, in which order, how densely.
 
 use super::{PlanError, start_pose};
 use crate::gcode::comments::Slicer;
