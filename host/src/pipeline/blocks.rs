@@ -17,6 +17,7 @@ use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
 use crate::plan::route::keep_out::shadows::with_shadows;
 use crate::settings::Settings;
+use crate::text::refusal::refusal;
 use headway_firmware::kinematics::winds;
 use std::ops::Range;
 
@@ -74,7 +75,11 @@ pub(super) fn with_blocks<T>(
     let is_like_others =
         |layer: &TargetLayer| is_as_high(layer, settings) && first.speed_mm_s.is_none();
     if !may_divide(settings) && !part.layers.iter().all(is_like_others) {
-        return Err(PlanError::FirstLayerWinds);
+        return Err(refusal!(
+            "this machine's joints wind up and are planned over all layers at once: leave out \
+             --layer-heights, --first-layer-height and --first-layer-speed"
+        )
+        .into());
     }
     let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
     let body = PartBody::new(&outlines, &part.wanted, settings);

@@ -17,6 +17,7 @@ use crate::geometry::polygon::Box2;
 use crate::job::SegmentStream;
 use crate::job::heat::HeatEvent;
 use crate::job::transform::PartTransform;
+use crate::pipeline::error::another_solution;
 use crate::pipeline::gcode_heat::{LaidPasses, events_behind, events_of};
 use crate::pipeline::gcode_touches::{Collector, Descent, descent};
 use crate::pipeline::layer_time::lay_with_layer_times;
@@ -200,7 +201,7 @@ impl GcodePlan {
         progress: &dyn Progress,
     ) -> Result<(), PlanError> {
         if !self.stream.knots.is_empty() && laid.solution != self.stream.solution {
-            return Err(PlanError::AnotherSolution);
+            return Err(another_solution());
         }
         let (mut of_piece, _) = measure(&laid, &[], &[], &self.transform, &self.settings, progress);
         of_piece.passes = made.passes as usize;

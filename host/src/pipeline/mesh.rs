@@ -15,6 +15,7 @@ use crate::job::transform::PartTransform;
 use crate::mesh::layers::SlicedPart;
 pub use crate::pipeline::blocks::FirstLayer;
 use crate::pipeline::blocks::{Block, Blocks, with_blocks};
+use crate::pipeline::error::{another_solution, no_region_printable};
 use crate::pipeline::links::Chain;
 use crate::pipeline::open_ground;
 pub use crate::pipeline::piece::PLACES_MAX;
@@ -134,9 +135,7 @@ fn planned_in_blocks(
     }
     context.progress.layers(wanted.len(), wanted.len());
     if planned.segments == 0 {
-        return Err(PlanError::NoLayerPrintable {
-            left_out: planned.printed.left_out.len(),
-        });
+        return Err(no_region_printable(planned.printed.left_out.len()));
     }
     let printed = &mut planned.printed;
     let (layers, swept): (Vec<u32>, Vec<Swept>) = printed.swept.iter().copied().unzip();
@@ -153,7 +152,7 @@ impl PartPlan {
             return Ok(stream);
         }
         if self.segments > 0 && stream.solution != self.solution {
-            return Err(PlanError::AnotherSolution);
+            return Err(another_solution());
         }
         self.solution = stream.solution;
         self.segments += stream.knots.len() as u64;

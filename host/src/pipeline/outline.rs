@@ -6,6 +6,7 @@ use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region};
 use crate::input::Target;
 use crate::job::transform::PartTransform;
+use crate::pipeline::error::all_kept_out;
 use crate::pipeline::roofs::Roofs;
 use crate::plan::layers::hollow::{Hollow, bridges_of, wide_spans};
 use crate::plan::layers::layer_groups;
@@ -41,7 +42,7 @@ pub fn plan_target_around(
     let keep_out = &with_shadows(keep_out, &transform, settings);
     let cleared = cleared(&target.regions, keep_out, settings);
     if cleared.regions.is_empty() {
-        return Err(PlanError::AllKeptOut);
+        return Err(all_kept_out());
     }
     let outlines = vec![cleared.regions.as_slice(); settings.layers as usize];
     let (settings, mut roofs) = Roofs::settled(&outlines, settings);

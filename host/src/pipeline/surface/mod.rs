@@ -27,6 +27,7 @@ use crate::input::space_outline::SpaceOutline;
 use crate::job::transform::PartTransform;
 use crate::mesh::Mesh;
 use crate::mesh::height_map::HeightMap;
+use crate::pipeline::error::all_kept_out;
 use crate::pipeline::placed_passes::{PlacedPasses, placed_passes};
 use crate::pipeline::stack::{Stack, route_stack};
 use crate::pipeline::{Plan, PlanError, start_pose};
@@ -77,7 +78,7 @@ pub fn plan_on_surface(
     let ground = HeightGround::under(target, &map, settings)?;
     let cleared = cleared(&target.regions, keep_out, settings);
     if cleared.regions.is_empty() {
-        return Err(PlanError::AllKeptOut);
+        return Err(all_kept_out());
     }
     let to_chart = |regions: &[Region]| -> Vec<Region> {
         let place = |p: Point2| ground.place(p);

@@ -9,7 +9,6 @@
 //! many curved ones over them (`skin`). Leaves out: supports, keep-outs, copies, layers of several heights; curved layers
 //! are solid.
 
-mod error;
 mod laid_layer;
 pub mod layer_shape;
 mod level_zones;
@@ -22,7 +21,6 @@ mod top_grid;
 mod upright;
 
 pub use crate::settings::curved_layers::CurvedLayers;
-pub use error::CurvedLayersError;
 pub use upright::EdgeDepth;
 
 use super::laid_ground::open_places;
@@ -37,6 +35,7 @@ use crate::plan::layers::shells::overhangs;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::settings::{LAYERS_MAX, Settings};
+use crate::text::refusal::{Refusal, refusal};
 use layer_shape::PartLayer;
 use rayon::prelude::*;
 use smooth_top::FollowedTop;
@@ -94,7 +93,7 @@ pub struct DividedPart {
 /// Plans a part in curved layers.
 ///
 /// # Errors
-/// [`PlanError`], of the layers [`CurvedLayersError`].
+/// [`PlanError`], of the layers a [`Refusal`].
 pub fn plan_curved_layers(
     mesh: &Mesh,
     asked: CurvedLayers,
@@ -110,12 +109,12 @@ pub fn plan_curved_layers(
 /// Divides a part into layers, some of them curved; nothing is planned.
 ///
 /// # Errors
-/// [`CurvedLayersError`].
+/// A [`Refusal`].
 pub fn divided(
     mesh: &Mesh,
     CurvedLayers::Skin(skin_layers): CurvedLayers,
     settings: &Settings,
-) -> Result<DividedPart, CurvedLayersError> {
+) -> Result<DividedPart, Refusal> {
     let job = Job::of(mesh, settings)?;
     job.check_settings()?;
     let pieces = job.pieces()?.into_par_iter();
@@ -140,7 +139,7 @@ pub fn divided(
 }
 
 impl<'a> Job<'a> {
-    fn of(mesh: &Mesh, settings: &'a Settings) -> Result<Job<'a>, CurvedLayersError> {
+    fn of(mesh: &Mesh, settings: &'a Settings) -> Result<Job<'a>, Refusal> {
         let bed_mm = mesh.bounds_mm()[0].z;
         let vertices = mesh.vertices.iter();
         let mesh = Mesh {
@@ -153,8 +152,9 @@ impl<'a> Job<'a> {
         let layer_mm = settings.layer_height_mm;
         let layers = (grid.highest_mm() / layer_mm).round();
         if layers > f64::from(LAYERS_MAX) {
-            let most = LAYERS_MAX;
-            return Err(CurvedLayersError::TooManyLayers { layers, most });
+            return Err(refusal!(
+                "--curved-layers: {layers} layers, and a job has at most {LAYERS_MAX}: use a greater --layer-height"
+            ));
         }
         Ok(Job {
             mesh,
@@ -198,31 +198,36 @@ impl<'a> Job<'a> {
         Some((all_mm2, [worst.at.x, worst.at.y, z_mm]))
     }
 
-    fn pieces(&self) -> Result<Vec<Piece>, CurvedLayersError> {
+    fn pieces(&self) -> Result<Vec<Piece>, Refusal> {
         let area_min_mm2 = PIECE_AREA * self.settings.aperture.major_mm().powi(2);
         let pieces = self
             .grid
             .pieces(self.slope_max(), area_min_mm2, self.layer_mm);
         match pieces.is_empty() {
-            true => Err(CurvedLayersError::NoCurvedTop {
-                slope_max_deg: self.slope_max().atan().to_degrees(),
-                area_min_mm2,
-            }),
+            true => Err(refusal!(
+                "--curved-layers: the part has no top that curved layers follow: tops are flat at whole layers, steeper than \
+                 {:.1}°, or smaller than {area_min_mm2:.1} mm²; leave --curved-layers out",
+                self.slope_max().atan().to_degrees()
+            )),
             false => Ok(pieces),
         }
     }
 
     /// Whether the settings go with curved layers, and the inside that is asked for can be had.
-    fn check_settings(&self) -> Result<(), CurvedLayersError> {
+    fn check_settings(&self) -> Result<(), Refusal> {
         if self.settings.wide_beads.continuous_z {
-            return Err(CurvedLayersError::ContinuousZ);
+            return Err(refusal!(
+                "--curved-layers: layers that follow the top do not rise along a bead: leave --continuous-z out, or \
+                 --curved-layers"
+            ));
         }
         let least_pct = 100.0 / SPAN_BEADS_MAX;
         match &self.settings.infill {
-            Some(infill) if infill.density_pct < least_pct => Err(CurvedLayersError::Hollow {
-                density_pct: infill.density_pct,
-                least_pct,
-            }),
+            Some(infill) if infill.density_pct < least_pct => Err(refusal!(
+                "--curved-layers: an infill of {} % does not hold solid layers above it, and no bridges are made under curved \
+                 ones: give --infill-density {least_pct:.0} or more",
+                infill.density_pct
+            )),
             _ => Ok(()),
         }
     }

@@ -12,6 +12,7 @@ use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region};
 use crate::job::transform::PartTransform;
 use crate::job::{MotionState, SegmentStream};
+use crate::pipeline::error::no_region_printable;
 use crate::pipeline::layer_time::lay_with_layer_times;
 use crate::pipeline::piece::unreachable_boundary;
 use crate::pipeline::placed_passes::{PlacedPasses, placed_passes};
@@ -89,9 +90,7 @@ pub fn planned(
     }
     progress.layers(layers.len(), layers.len());
     if job.curves.is_empty() {
-        return Err(PlanError::NoLayerPrintable {
-            left_out: job.left_out.len(),
-        });
+        return Err(no_region_printable(job.left_out.len()));
     }
     job.raise(bed_mm);
     job.laid_out(layers, bed_mm, figures, settings, progress)

@@ -7,7 +7,6 @@
 //! ends at the layer's middle.
 
 use super::Job;
-use super::error::CurvedLayersError;
 use super::layer_shape::{Below, LevelSurface, PartLayer, Shape};
 use super::sections::{above, sections};
 use super::smooth_top::FollowedTop;
@@ -16,6 +15,7 @@ use crate::geometry::boolean::{difference, intersection};
 use crate::geometry::polygon::Region;
 use crate::mesh::Point3;
 use crate::mesh::slice::Slicer;
+use crate::text::refusal::{Refusal, refusal};
 use std::sync::Arc;
 
 /// How far a skin may reach beyond its piece, of the nozzle's half length.
@@ -40,7 +40,7 @@ pub fn layers_with_skin(
     job: &Job,
     tops: &[FollowedTop],
     skin_layers: u32,
-) -> Result<Vec<PartLayer>, CurvedLayersError> {
+) -> Result<Vec<PartLayer>, Refusal> {
     let layer_mm = job.layer_mm;
     check_height(job, tops, skin_layers)?;
     let mut taken: Vec<Region> = Vec::new();
@@ -70,21 +70,19 @@ fn layers_max(job: &Job, tops: &[FollowedTop]) -> (u32, usize) {
     (most, lowest)
 }
 
-fn check_height(
-    job: &Job,
-    tops: &[FollowedTop],
-    skin_layers: u32,
-) -> Result<(), CurvedLayersError> {
+fn check_height(job: &Job, tops: &[FollowedTop], skin_layers: u32) -> Result<(), Refusal> {
     let (layers_max, lowest) = layers_max(job, tops);
     if skin_layers <= layers_max {
         return Ok(());
     }
-    Err(CurvedLayersError::TooLow {
-        at_mm: job.grid.place(lowest).into(),
-        height_mm: job.grid.z_mm[lowest],
-        layers: skin_layers,
-        layers_max,
-    })
+    let at = job.grid.place(lowest);
+    Err(refusal!(
+        "--curved-layers skin:{skin_layers}: the top near ({:.2}, {:.2}) mm is {:.2} mm high, too low for {skin_layers} \
+         curved layers: at most skin:{layers_max} fits, or thinner layers (--layer-height)",
+        at.x,
+        at.y,
+        job.grid.z_mm[lowest]
+    ))
 }
 
 impl Skin {
