@@ -91,7 +91,7 @@ pub(crate) struct GcodeArgs {
     #[arg(long)]
     pub wrapped: bool,
     /// Largest distance of a move from the job's path, mm [default: 0.002; 0.003 for linuxcnc, grblhal and
-    /// marlin].
+    /// marlin; more for beads wider than 0.4 mm, by their width].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub line_tolerance: Option<f64>,
     /// Arcs (G2, G3) where they are fewer moves [default: on for linuxcnc, off for the others].

@@ -158,7 +158,11 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
         (None, of_machine) => of_machine.unwrap_or(*b"ABC"),
     };
     let filament_mm = between("--filament-diameter", of.filament_diameter, FILAMENT_MM)?;
-    let of_settings = WriteOptions::of_dialect(dialect);
+    let usual = WriteOptions::of_dialect(dialect);
+    let usual = match &job.settings {
+        Some(settings) => usual.with_settings(settings),
+        None => usual,
+    };
     Ok(WriteOptions {
         retraction: of.retraction,
         filament_mm,
@@ -171,16 +175,13 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
         wrapped: of.wrapped,
         tip_mm: between(
             "--line-tolerance",
-            of.line_tolerance.unwrap_or(dialect.tolerances()[0]),
+            of.line_tolerance.unwrap_or(usual.tip_mm),
             TIP_MM,
         )?,
         arcs: of.arcs,
         blocks: [block(of.start.as_deref())?, block(of.end.as_deref())?],
         leave_hot: of.end_heat.leave_hot,
-        ..match &job.settings {
-            Some(settings) => of_settings.with_settings(settings),
-            None => of_settings,
-        }
+        ..usual
     })
 }
 

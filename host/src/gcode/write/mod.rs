@@ -43,6 +43,10 @@ use template::FieldError;
 
 /// Tip tolerance where none is given, mm: with what decimals take, well below a step.
 pub const TIP_TOLERANCE_MM: f64 = 0.002;
+/// Volume of a bead of 0.1 mm² over 20 µm, mm³.
+const VOLUME_TOLERANCE_MM3: f64 = 0.002;
+/// Narrowest bead up to which these hold, mm: of a wider one a move may be off by the same share.
+const FINE_BEAD_MM: f64 = 0.4;
 /// Tips that stay within this do not move, mm; headings, degrees.
 const STILL_MM: f64 = 5e-5;
 const STILL_DEG: f64 = 5e-4;
@@ -80,6 +84,8 @@ pub struct WriteOptions {
     pub wrapped: bool,
     /// How far the tip may be beside the stream's, mm.
     pub tip_mm: f64,
+    /// How far the extruded volume may be off the stream's within a move, mm³.
+    pub volume_mm3: f64,
     /// What the controller's axes do.
     pub limits: AxisLimits,
     /// Arcs (G2, G3) where they are fewer than straight moves; `None` is the dialect's.
@@ -105,6 +111,7 @@ impl WriteOptions {
             extruder: None,
             wrapped: false,
             tip_mm: dialect.tolerances()[0],
+            volume_mm3: VOLUME_TOLERANCE_MM3,
             limits: AxisLimits::BUILT_IN,
             arcs: None,
             blocks: [None, None],
@@ -114,9 +121,12 @@ impl WriteOptions {
         }
     }
 
-    /// With what a job's settings say of its machine and material.
+    /// With what a job's settings say of its machine and material, and tolerances that go with a coarse nozzle.
     pub fn with_settings(self, settings: &Settings) -> WriteOptions {
+        let coarser = (2.0 * settings.aperture.minor_mm() / FINE_BEAD_MM).max(1.0);
         WriteOptions {
+            tip_mm: self.tip_mm * coarser,
+            volume_mm3: self.volume_mm3 * coarser.powi(3),
             height_mm: Some(settings.work_area_mm[1][2]),
             density_g_cm3: settings.material.and_then(|of| of.density_g_cm3),
             ..self

@@ -13,8 +13,6 @@ use headway_protocol::units::{CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS};
 use std::io::Write;
 use std::ops::Range;
 
-/// Volume of a bead of 0.1 mm² over 20 µm, mm³.
-const VOLUME_TOLERANCE_MM3: f64 = 0.002;
 /// Shorter moves are not cut where the heading's rate changes, s.
 const EVEN_FROM_S: f64 = 0.004;
 /// Longer moves are cut by length, s.
@@ -44,7 +42,7 @@ impl<W: Write> Writer<'_, W> {
             tip_mm: self.options.tip_mm,
             turn_rad: self.options.dialect.tolerances()[1].to_radians(),
             wrapped: self.options.wrapped,
-            volume_mm3: VOLUME_TOLERANCE_MM3,
+            volume_mm3: self.options.volume_mm3,
             even: self.even_heading(),
             long_ticks: (LONG_FROM_S * self.servo_hz).round() as usize,
         };
