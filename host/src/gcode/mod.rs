@@ -9,7 +9,6 @@
 //! file's own coordinates, and notes on what it says and Headway does not do. Leaves out how the
 //! nozzle is turned and how the head moves: that is planning's.
 
-pub mod around;
 pub mod axes;
 pub mod comments;
 pub mod curve_chords;
@@ -104,7 +103,7 @@ pub struct Push {
 }
 
 /// One run without an interruption of flow.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct GcodePass {
     /// Layer from 0.
     pub layer: u32,
@@ -133,26 +132,15 @@ pub enum HeatPlace {
     Point(usize, usize),
 }
 
-impl HeatPlace {
-    /// The same place of another pass.
-    pub fn of_pass(self, other: impl Fn(usize) -> usize) -> HeatPlace {
-        match self {
-            HeatPlace::Leaving(pass) => HeatPlace::Leaving(other(pass)),
-            HeatPlace::Start(pass) => HeatPlace::Start(other(pass)),
-            HeatPlace::Point(pass, point) => HeatPlace::Point(other(pass), point),
-        }
-    }
-}
-
-/// An order at its place: of heaters and fans, or something else that a line says.
+/// An order of heaters and fans.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlacedOrder<T = HeatOrder> {
+pub struct PlacedOrder {
     /// Line of the file, from 1.
     pub line: usize,
     /// Where.
     pub place: HeatPlace,
     /// What.
-    pub order: T,
+    pub order: HeatOrder,
 }
 
 /// A file's passes and what else it says.
@@ -166,14 +154,8 @@ pub struct GcodeProgram {
     pub passes: Vec<GcodePass>,
     /// Orders of heaters and fans, in their order.
     pub heat: Vec<PlacedOrder>,
-    /// Numbers of the lines that say what no job does.
-    pub left: Vec<PlacedOrder<usize>>,
-    /// Diameter of the filament, mm.
-    pub filament_mm: f64,
     /// The slicer's estimate of the printing time.
     pub estimate_s: Option<f64>,
-    /// Least time of a layer that the slicer slowed for, s; 0 where it does not say it.
-    pub layer_time_min_s: f64,
     /// Layers that begin within passes, as those of a vase do.
     pub layers_within: u32,
     /// C is given: headings are told.
@@ -303,7 +285,7 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         return Err(second);
     }
     let filament_mm = filament_mm(&steps, options)?;
-    let (mut passes, heat, left, left_out) = passes::passes(&steps, filament_mm)?;
+    let (mut passes, heat, left_out) = passes::passes(&steps, filament_mm)?;
     if passes.is_empty() {
         return Err(GcodeError::NothingPrinted { lines: steps.lines });
     }
@@ -319,8 +301,6 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
     Ok(GcodeProgram {
         name: name.to_string(),
         slicer: steps.comments.slicer,
-        filament_mm,
-        layer_time_min_s: steps.comments.layer_time_min_s,
         estimate_s: steps.comments.estimate_s.filter(|s| *s > 0.0),
         layers_within: left_out.layers,
         has_tilts: steps.turns[0],
@@ -329,7 +309,6 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         is_declared: options.axes.is_some(),
         passes,
         heat,
-        left,
         notes,
     })
 }

@@ -72,6 +72,7 @@ impl LeftOut {
 
 struct Builder {
     passes: Vec<GcodePass>,
+    heat: Vec<PlacedOrder>,
     open: Option<GcodePass>,
     at: Place,
     travel: Vec<Place>,
@@ -88,13 +89,8 @@ struct Builder {
     told_layers: u32,
 }
 
-/// Passes, orders of heaters and fans, lines that no job does, what is left out.
-type Passes = (
-    Vec<GcodePass>,
-    Vec<PlacedOrder>,
-    Vec<PlacedOrder<usize>>,
-    LeftOut,
-);
+/// Passes, orders of heaters and fans, what is left out.
+type Passes = (Vec<GcodePass>, Vec<PlacedOrder>, LeftOut);
 
 /// Puts steps together to passes, with the orders of heaters and fans; `filament_mm` is the filament's
 /// diameter.
@@ -106,6 +102,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
     let layers_told = steps.hints.iter().any(|hint| hint.layers > 0);
     let mut builder = Builder {
         passes: Vec::new(),
+        heat: Vec::new(),
         open: None,
         at: place_of(&steps.start),
         travel: Vec::new(),
@@ -118,15 +115,10 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
         first_mm: f64::INFINITY,
         told_layers: 0,
     };
-    let (mut heat, mut lines) = (Vec::new(), Vec::new());
-    let mut orders = steps.heat.iter().peekable();
-    let mut left = steps.left.iter().peekable();
+    let mut heat = steps.heat.iter().peekable();
     for (number, step) in steps.steps.iter().enumerate() {
-        while let Some(order) = orders.next_if(|order| order.step <= number) {
-            heat.push(builder.placed(order));
-        }
-        while let Some(line) = left.next_if(|line| line.step <= number) {
-            lines.push(builder.placed(line));
+        while let Some(order) = heat.next_if(|order| order.step <= number) {
+            builder.order(order);
         }
         let scale = if step.volumetric { 1.0 } else { area_mm2 };
         let hint = steps.hints[step.hint];
@@ -142,8 +134,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
         };
         builder.step(step, leg, area_mm2, told_layer)?;
     }
-    heat.extend(orders.map(|order| builder.placed(order)));
-    lines.extend(left.map(|line| builder.placed(line)));
+    heat.for_each(|order| builder.order(order));
     builder.close();
     let mut passes = builder.passes;
     if !steps.extrudes {
@@ -160,7 +151,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
         true => builder.told_layers.saturating_sub(layers),
         false => turns,
     };
-    Ok((passes, heat, lines, left_out))
+    Ok((passes, builder.heat, left_out))
 }
 
 impl Builder {
@@ -213,19 +204,19 @@ impl Builder {
         Ok(())
     }
 
-    /// An order stands where the head is now.
-    fn placed<T: Copy>(&self, order: &HeatStep<T>) -> PlacedOrder<T> {
+    /// An order of heaters and fans: it stands where the head is now.
+    fn order(&mut self, order: &HeatStep) {
         let pass = self.passes.len();
         let place = match &self.open {
             Some(open) => HeatPlace::Point(pass, open.points.len() - 1),
             None if self.travel.is_empty() => HeatPlace::Leaving(pass),
             None => HeatPlace::Start(pass),
         };
-        PlacedOrder {
+        self.heat.push(PlacedOrder {
             line: order.line,
             place,
             order: order.order,
-        }
+        });
     }
 
     fn pull(
