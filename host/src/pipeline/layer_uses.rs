@@ -149,8 +149,11 @@ pub fn pass_uses(plan: &Plan) -> Vec<PassUse> {
         let Some((pass, mark)) = mark.and_then(|mark| Some((mark.pass?, mark))) else {
             continue;
         };
-        for (number, [x, y]) in places.get(&pass).into_iter().flatten().enumerate() {
-            let at = span.position(0.0);
+        let Some(of_pass) = places.get(&pass) else {
+            continue;
+        };
+        let at = span.position(0.0);
+        for (number, [x, y]) in of_pass.iter().enumerate() {
             let away_mm = (at[CHANNEL_X] - x).hypot(at[CHANNEL_Y] - y);
             let best = nearest.entry((pass, number)).or_insert((f64::INFINITY, 0));
             if away_mm < best.0 {
@@ -167,12 +170,11 @@ pub fn pass_uses(plan: &Plan) -> Vec<PassUse> {
     uses
 }
 
-/// The uses of every layer; none for a plan without curves of its own.
-pub fn layer_uses(plan: &Plan, servo_hz: f64) -> Vec<LayerUse> {
+/// The uses of every layer by those of its passes; none for a plan without curves of its own.
+pub fn layer_uses(plan: &Plan, uses: &[PassUse], servo_hz: f64) -> Vec<LayerUse> {
     if plan.curves.is_empty() {
         return Vec::new();
     }
-    let uses = pass_uses(plan);
     let other = |state: MotionState| match state {
         MotionState::Print => Use::Walls,
         MotionState::Travel => Use::Travel,

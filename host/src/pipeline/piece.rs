@@ -105,9 +105,10 @@ impl PieceCache for () {
 impl Piece {
     /// The kept data of a plan.
     pub fn of(plan: Plan, settings: &Settings) -> Piece {
+        let pass_uses = pass_uses(&plan);
         let mut piece = Piece {
-            pass_uses: pass_uses(&plan),
-            uses: layer_uses(&plan, f64::from(settings.machine.servo_hz)),
+            uses: layer_uses(&plan, &pass_uses, f64::from(settings.machine.servo_hz)),
+            pass_uses,
             slowed: plan.slowed,
             open_cells: open_cells(&plan, settings.aperture.minor_mm()),
             two_bead_walls: TwoBeadWalls::of(&plan, settings),

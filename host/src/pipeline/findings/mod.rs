@@ -23,7 +23,7 @@ use crate::drive::time_by_limit::{SlowPlace, TimeByLimit};
 use crate::geometry::Point2;
 use crate::job::transform::PartTransform;
 use crate::pipeline::Plan;
-use crate::pipeline::layer_uses::{LayerUse, layer_uses};
+use crate::pipeline::layer_uses::{LayerUse, layer_uses, pass_uses};
 use crate::pipeline::open_ground::{self, OpenGround, open_ground, told_mm2};
 use crate::pipeline::piece::unreachable_boundary;
 use crate::pipeline::stacked_ground::open_cells;
@@ -90,7 +90,8 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
     warnings.extend(settings_warnings(settings));
     let laid = Laid::NOTHING.with(&plan.stream, settings);
     warnings.extend(laid.rests_note(settings));
-    let uses = layer_uses(plan, f64::from(settings.machine.servo_hz));
+    let servo_hz = f64::from(settings.machine.servo_hz);
+    let uses = layer_uses(plan, &pass_uses(plan), servo_hz);
     let late = LateLayers::of(&uses, settings);
     let transform = &plan.transform;
     let wide = laid.figures(&late, plan.figures.volume_mm3, transform, settings);
