@@ -4,10 +4,9 @@
 //! within 0.01 mm; closed ones without a repeated point. A line that ends on the middle of another, or where more than
 //! two meet, stays by itself. Not covered: the order of printing and the beads' width, which planning chooses.
 
-use super::dxf::curves::Piece;
 use super::dxf::join::contours;
-use super::names::part_name;
-use super::outline::{CLOSED_MM, Drawing, scale_and_check};
+use super::names::name_of;
+use super::outline::{CLOSED_MM, Drawing, RawRing, scale_and_check};
 use super::{InputError, ReadOptions};
 use crate::geometry::Point2;
 
@@ -52,17 +51,11 @@ pub(super) fn of_drawing(
 ) -> Result<CentreLines, InputError> {
     scale_and_check(&mut drawing, options.scale)?;
     let mut notes = std::mem::take(&mut drawing.notes);
-    let rings = drawing.shapes.into_iter().flat_map(|shape| shape.rings);
-    let pieces = rings.map(|mut ring| {
-        ring.points.dedup();
-        Piece {
-            what: ring.what,
-            points: ring.points,
-            closed: ring.closed,
-        }
-    });
+    let shapes = drawing.shapes.into_iter();
+    let mut drawn: Vec<RawRing> = shapes.flat_map(|shape| shape.rings).collect();
+    drawn.iter_mut().for_each(|ring| ring.points.dedup());
     let mut lines = Vec::new();
-    for mut ring in contours(pieces.collect(), 1.0, true, &mut notes)? {
+    for mut ring in contours(drawn, 1.0, true, &mut notes)? {
         let first = ring.points.first().copied().unwrap_or_default();
         let meets = |end: &Point2| (end - first).norm() <= CLOSED_MM;
         let closed = ring.closed || ring.points.len() > 3 && ring.points.last().is_some_and(meets);
@@ -77,10 +70,8 @@ pub(super) fn of_drawing(
         let hint = "its lines have no length";
         return Err(InputError::Empty { hint });
     }
-    let name = [drawing.name.as_deref(), Some(name)];
     Ok(CentreLines {
-        name: (name.into_iter().flatten().find_map(part_name))
-            .unwrap_or_else(|| "part".to_string()),
+        name: name_of(drawing.name.as_deref(), name, "part"),
         lines,
         notes,
     })

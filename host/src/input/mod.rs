@@ -292,7 +292,7 @@ pub fn read_any(
             axes: options.gcode_axes.clone(),
             head_letters: options.head_letters,
         };
-        let name = names::part_name(name).unwrap_or_else(|| "gcode".to_string());
+        let name = names::name_of(None, name, "gcode");
         let program = gcode::read(&text, &name, &options)?;
         return Ok(match program.is_declared {
             _ if program.is_export() || !program.has_tilts => Input::Gcode(program),

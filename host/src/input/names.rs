@@ -14,6 +14,14 @@ pub fn part_name(text: &str) -> Option<String> {
     (!name.is_empty()).then(|| name.to_string())
 }
 
+/// A part's own name, else that of its file, else what it is.
+pub(super) fn name_of(own: Option<&str>, file: &str, kind: &str) -> String {
+    let mut names = own.into_iter().chain([file]);
+    names
+        .find_map(part_name)
+        .unwrap_or_else(|| kind.to_string())
+}
+
 /// True for characters that are no text: controls (escape sequences begin with one), and marks that
 /// turn the direction of writing.
 pub fn is_command(c: char) -> bool {

@@ -7,7 +7,7 @@
 //! Practical Guide to Splines (1978), chapter 10, in homogeneous coordinates. Not covered: surfaces and
 //! lists of curves.
 
-use super::names::{part_name, shortened};
+use super::names::{name_of, shortened};
 use super::waypoints::{PassAsked, WAYPOINTS_MAX, Waypoint, WaypointRun};
 use super::{InputError, ReadOptions, Units};
 use nalgebra::{Point3, Unit, Vector3, Vector4};
@@ -70,12 +70,7 @@ pub(super) fn read(
     let curve = Nurbs::of(&file, units.mm() * options.scale)?;
     let points = curve.samples()?;
     Ok(WaypointRun {
-        name: file
-            .name
-            .as_deref()
-            .and_then(part_name)
-            .or_else(|| part_name(name))
-            .unwrap_or_else(|| "curve".to_string()),
+        name: name_of(file.name.as_deref(), name, "curve"),
         notes: vec![format!(
             "the curve is followed by {} waypoints",
             points.len()

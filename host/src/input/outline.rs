@@ -5,7 +5,7 @@
 //! the sense of OGC simple features. Coordinates are never changed beyond unit and scale.
 
 use super::error::At;
-use super::names::part_name;
+use super::names::name_of;
 use super::settle::{self, NamedRegion};
 use super::{InputError, Loaded, POINTS_MAX, ReadOptions, Target};
 use crate::geometry::Point2;
@@ -137,11 +137,7 @@ pub(super) fn to_target(
     }
     Ok(Loaded {
         target: Target {
-            name: [drawing.name.as_deref(), Some(name)]
-                .into_iter()
-                .flatten()
-                .find_map(part_name)
-                .unwrap_or_else(|| "part".to_string()),
+            name: name_of(drawing.name.as_deref(), name, "part"),
             regions,
         },
         notes,

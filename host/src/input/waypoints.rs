@@ -14,7 +14,7 @@
 //! Output: mm, input coordinates, headings unwrapped, rad. Not covered: the curve, which the
 //! planner makes (`plan::waypoint_curve`).
 
-use super::names::part_name;
+use super::names::{name_of, part_name};
 use super::near_waypoints::{self, usual_gap_mm};
 use super::outline::{FAR_MAX_MM, SIZE_MAX_MM};
 pub use super::waypoint_error::WaypointError;
@@ -209,10 +209,7 @@ pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointR
         ));
     }
     Ok(WaypointRun {
-        name: reader
-            .name
-            .or_else(|| part_name(name))
-            .unwrap_or_else(|| "run".to_string()),
+        name: name_of(reader.name.as_deref(), name, "run"),
         points,
         notes,
         has_feeds: false,

@@ -25,29 +25,6 @@ const UPRIGHT: f64 = 1e-6;
 /// A gap this small in a full turn is rounding, rad.
 const WHOLE_RAD: f64 = 1e-9;
 
-/// One entity as chords.
-pub(in crate::input) struct Piece {
-    pub what: String,
-    pub points: Vec<Point2>,
-    pub closed: bool,
-}
-
-impl From<Piece> for RawRing {
-    fn from(
-        Piece {
-            what,
-            points,
-            closed,
-        }: Piece,
-    ) -> RawRing {
-        RawRing {
-            what,
-            points,
-            closed,
-        }
-    }
-}
-
 /// How long the units are, and how close the chords.
 pub(super) struct Flattener {
     pub unit_mm: f64,
@@ -58,7 +35,7 @@ pub(super) struct Flattener {
 
 impl Flattener {
     /// The chords of an entity.
-    pub fn piece(&mut self, what: &str, entity: &EntityType) -> Result<Piece, InputError> {
+    pub fn piece(&mut self, what: &str, entity: &EntityType) -> Result<RawRing, InputError> {
         let mut closed = false;
         let points = match entity {
             EntityType::Line(line) => vec![self.mm(&line.p1), self.mm(&line.p2)],
@@ -100,7 +77,7 @@ impl Flattener {
             _ => return Err(syntax(format!("the {what} could not be read"))),
         };
         self.check(what, &points)?;
-        Ok(Piece {
+        Ok(RawRing {
             what: what.to_string(),
             points,
             closed,

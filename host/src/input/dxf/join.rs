@@ -4,7 +4,6 @@
 //! its mutual nearest neighbour. In and out: mm before `--scale`. Not covered: checking the contours:
 //! open ones are refused, or repaired, in the stage that all formats share.
 
-use super::curves::Piece;
 use crate::geometry::Point2;
 use crate::geometry::point_grid::PointGrid;
 use crate::geometry::polygon::Box2;
@@ -27,14 +26,14 @@ type End = (usize, bool);
 
 /// Contours from pieces, in the order of the file. Where more than two ends meet, none is joined if `may_branch`.
 pub(in crate::input) fn contours(
-    pieces: Vec<Piece>,
+    pieces: Vec<RawRing>,
     scale: f64,
     may_branch: bool,
     notes: &mut Vec<String>,
 ) -> Result<Vec<RawRing>, InputError> {
     let mut pieces = without_copies(pieces, notes);
     let count = pieces.len();
-    let is_line = |piece: &Piece| piece.closed || extent_mm(&piece.points) > SAME_MM / scale;
+    let is_line = |piece: &RawRing| piece.closed || extent_mm(&piece.points) > SAME_MM / scale;
     pieces.retain(is_line);
     let short = count - pieces.len();
     if short > 0 {
@@ -81,7 +80,7 @@ fn extent_mm(points: &[Point2]) -> f64 {
 }
 
 /// The pieces without those that are drawn twice, forwards or backwards.
-fn without_copies(pieces: Vec<Piece>, notes: &mut Vec<String>) -> Vec<Piece> {
+fn without_copies(pieces: Vec<RawRing>, notes: &mut Vec<String>) -> Vec<RawRing> {
     let bits = |point: &Point2| [point.x, point.y].map(|x| (x + 0.0).to_bits());
     let mut seen: HashSet<Vec<[u64; 2]>> = HashSet::new();
     let count = pieces.len();
@@ -104,7 +103,7 @@ fn without_copies(pieces: Vec<Piece>, notes: &mut Vec<String>) -> Vec<Piece> {
 
 /// Links free ends that are within reach; returns the gaps that were closed, mm.
 fn link(
-    pieces: &mut [Piece],
+    pieces: &mut [RawRing],
     links: &mut [[Option<End>; 2]],
     (reach_mm, corner): (f64, Point2),
     [is_exact, may_branch]: [bool; 2],
@@ -165,14 +164,14 @@ fn link(
     Ok(gaps)
 }
 
-fn place(pieces: &[Piece], (piece, last): End) -> Point2 {
+fn place(pieces: &[RawRing], (piece, last): End) -> Point2 {
     let points = &pieces[piece].points;
     let found = if last { points.last() } else { points.first() };
     found.copied().unwrap_or_default()
 }
 
 /// Goes along the links: closed chains, and open ones from an end that is free.
-fn chains(pieces: &[Piece], links: &[[Option<End>; 2]]) -> Vec<RawRing> {
+fn chains(pieces: &[RawRing], links: &[[Option<End>; 2]]) -> Vec<RawRing> {
     let mut is_used = vec![false; pieces.len()];
     let mut rings = Vec::new();
     for first in 0..pieces.len() {

@@ -8,13 +8,13 @@
 //! ASCII DXF, unit by `$INSUNITS` (mm where it gives none) or `--units`. Out: contours, mm before
 //! `--scale`, and notes. Not covered: blocks, hatches, texts, dimensions, solids, and binary DXF.
 
-pub(super) mod curves;
+mod curves;
 pub(super) mod join;
 mod records;
 
 use super::outline::{Drawing, RawRing, Rule, Shape};
 use super::{InputError, ReadOptions, Units};
-use curves::{Flattener, Piece};
+use curves::Flattener;
 use records::Record;
 
 /// Records that the crate gets at once: it holds about 1 kB for each.
@@ -53,7 +53,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
         entities(batch, &mut flattener, &mut pieces)?;
     }
     let rings = match options.centre_lines {
-        true => pieces.into_iter().map(RawRing::from).collect(),
+        true => pieces,
         false => join::contours(pieces, options.scale, false, &mut notes)?,
     };
     let what = "the drawing".to_string();
@@ -116,7 +116,7 @@ fn unit(number: Option<i32>, notes: &mut Vec<String>) -> Result<Units, InputErro
 fn entities(
     batch: &[Record],
     flattener: &mut Flattener,
-    pieces: &mut Vec<Piece>,
+    pieces: &mut Vec<RawRing>,
 ) -> Result<(), InputError> {
     let mut text = String::from("0\nSECTION\n2\nENTITIES\n");
     batch.iter().for_each(|record| text.push_str(&record.text));
