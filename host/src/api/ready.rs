@@ -22,7 +22,7 @@ use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::mesh::{LoadedMesh, Mesh};
-use crate::pipeline::centre_lines::{across_mm, along_lines, slab_note};
+use crate::pipeline::centre_lines::{along_lines, slab_note};
 use crate::pipeline::findings::idle_options::idle_options;
 use crate::pipeline::gcode::plan_gcode;
 use crate::pipeline::mesh::{FirstLayer, PartContext, plan_part_in_pieces};
@@ -253,7 +253,8 @@ fn with_beads(
     }
     let aperture = &settings.aperture;
     let [least_mm, most_mm] = [aperture.minor_mm(), aperture.major_mm()].map(|half| 2.0 * half);
-    let width_mm = options.bead_width_mm.unwrap_or_else(|| across_mm(aperture));
+    let [across_mm, _] = aperture.sizes_mm();
+    let width_mm = options.bead_width_mm.unwrap_or(across_mm);
     match (least_mm..=most_mm).contains(&width_mm) {
         true => Ok(along_lines(lines, width_mm, settings)),
         false => Err(Error::Options(format!(

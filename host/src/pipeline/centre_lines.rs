@@ -51,7 +51,8 @@ pub fn along_lines(drawn: CentreLines, width_mm: f64, settings: &Settings) -> Gc
         .map(|(number, line)| with_seam(pass_of(number, line, aperture), &settings.seam, aperture))
         .collect();
     let mut passes: Vec<GcodePass> = Vec::new();
-    let mut from = of_layer[0].placements[0].at.center;
+    let first = of_layer.first().and_then(|pass| pass.placements.first());
+    let mut from = first.map_or(Point2::origin(), |first| first.at.center);
     for layer in 0..settings.layers {
         let z_mm = f64::from(layer + 1) * settings.layer_height_mm;
         for pass in ordered(of_layer.clone(), from, aperture) {
@@ -96,15 +97,10 @@ pub fn along_lines(drawn: CentreLines, width_mm: f64, settings: &Settings) -> Gc
     }
 }
 
-/// Width of the bead that the nozzle lays with its long axis across the path, mm.
-pub fn across_mm(aperture: &Aperture) -> f64 {
-    2.0 * aperture.extent_mm(0.0, Vector2::x())
-}
-
 /// What may be a wall's middle line, and is filled: a contour without holes that is far wider than beads, of a drawing
 /// that does not say what is filled.
 pub fn slab_note(regions: &[Region], settings: &Settings) -> Option<String> {
-    let widest_mm = across_mm(&settings.aperture);
+    let [widest_mm, _] = settings.aperture.sizes_mm();
     let is_slab = |region: &&Region| {
         let across_mm = 2.0 * region.area_mm2() / region.exterior.perimeter_mm();
         region.holes.is_empty() && across_mm > SLAB_MM.max(SLAB_BEADS * widest_mm)
