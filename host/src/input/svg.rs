@@ -274,16 +274,16 @@ impl Reader {
     fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if let Some(first) = self.strokes.first() {
-            let (count, why) = (
-                self.strokes.len(),
-                match self.centre_lines {
-                    true => "fill but no stroke were left out (the first",
-                    false => {
-                        "stroke but no fill were left out (--centre-lines prints them; the first"
-                    }
-                },
-            );
-            notes.push(format!("{count} shapes with a {why}: {first})"));
+            let count = self.strokes.len();
+            notes.push(match self.centre_lines {
+                true => format!(
+                    "{count} shapes with a fill but no stroke were left out (the first: {first})"
+                ),
+                false => format!(
+                    "{count} shapes with a stroke but no fill were left out (--centre-lines prints them; the first: \
+                     {first})"
+                ),
+            });
         }
         if self.clips > 0 {
             notes.push(format!(
