@@ -13,7 +13,8 @@ use i_overlay::core::overlay_rule::OverlayRule;
 use i_overlay::core::solver::{Precision, Solver};
 use i_overlay::float::overlay::{FloatOverlay, OverlayOptions};
 use i_overlay::mesh::float::outline::offset::OutlineOffset;
-use i_overlay::mesh::float::style::{LineJoin, OutlineStyle};
+use i_overlay::mesh::float::stroke::offset::StrokeOffset;
+use i_overlay::mesh::float::style::{LineCap, LineJoin, OutlineStyle, StrokeStyle};
 
 type Paths = Vec<Vec<[f64; 2]>>;
 
@@ -48,7 +49,40 @@ pub fn grown(regions: &[Region], by_mm: f64) -> Vec<Region> {
     if by_mm <= 0.0 {
         return regions.to_vec();
     }
-    let style = OutlineStyle::new(by_mm).line_join(LineJoin::Round(ARC_STEP_RAD));
+    offset(regions, by_mm, LineJoin::Round(ARC_STEP_RAD))
+}
+
+/// The area of the regions that is farther than `by_mm` from what is outside.
+pub fn shrunk(regions: &[Region], by_mm: f64) -> Vec<Region> {
+    offset(regions, -by_mm, LineJoin::Round(ARC_STEP_RAD))
+}
+
+/// The regions with their edges moved outwards by `by_mm`, inwards where it is negative; corners stay sharp.
+pub fn mitred(regions: &[Region], by_mm: f64) -> Vec<Region> {
+    offset(regions, by_mm, LineJoin::Miter(MITRE_MIN_RAD))
+}
+
+/// What a disk of this width sweeps along lines; `is_cut_at_ends` leaves out its half beyond either end.
+pub fn swept(lines: &[Vec<Point2>], width_mm: f64, is_cut_at_ends: bool) -> Vec<Region> {
+    let cap = || match is_cut_at_ends {
+        true => LineCap::Butt,
+        false => LineCap::Round(SWEPT_STEP_RAD),
+    };
+    let style = || {
+        StrokeStyle::new(width_mm)
+            .line_join(LineJoin::Round(SWEPT_STEP_RAD))
+            .start_cap(cap())
+            .end_cap(cap())
+    };
+    let lines = lines.iter().map(|line| line.iter().map(|p| [p.x, p.y]));
+    let lines: Paths = lines.map(Iterator::collect).collect();
+    let shapes = lines.stroke_fixed_scale_as::<i64>(style(), false, OFFSET_CELLS_PER_MM);
+    let shapes = shapes.unwrap_or_else(|_| lines.stroke_as::<i64>(style(), false));
+    shapes.into_iter().filter_map(region_of).collect()
+}
+
+fn offset(regions: &[Region], by_mm: f64, join: LineJoin<f64>) -> Vec<Region> {
+    let style = OutlineStyle::new(by_mm).line_join(join);
     let rings = paths(regions.iter().flat_map(Region::rings));
     // Too large for this grid: the finest that holds it.
     let shapes = rings.outline_fixed_scale_as::<i64>(&style, OFFSET_CELLS_PER_MM);
@@ -63,6 +97,10 @@ const OFFSET_CELLS_PER_MM: f64 = (1_u64 << 30) as f64;
 
 /// Angle of one chord of an arc: the least that the offsetting takes.
 const ARC_STEP_RAD: f64 = 0.01 * std::f64::consts::PI;
+/// The same of what a bead sweeps: its edge is off by a micrometre.
+const SWEPT_STEP_RAD: f64 = 0.05 * std::f64::consts::PI;
+/// Sharpest corner that a moved edge keeps: slicers cut sharper ones off as well.
+const MITRE_MIN_RAD: f64 = 0.35;
 
 fn paths<'a>(rings: impl Iterator<Item = &'a Ring>) -> Paths {
     let finite = |p: &&Point2| p.x.is_finite() && p.y.is_finite();

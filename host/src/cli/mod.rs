@@ -13,6 +13,7 @@ mod live;
 mod machine;
 mod plan;
 mod reading;
+mod replan;
 mod shell;
 mod stream;
 mod terminal;
@@ -49,6 +50,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Machine(machine) => machine::run(machine, &console),
         Command::Calibrate(calibrate) => plan::calibrate::run(calibrate, &console),
         Command::Plan(plan) => plan::run(plan, &console),
+        Command::Replan(replan) => replan::run(replan, &console),
         Command::Headings(headings) => plan::headings::run(headings, &console),
         Command::Simulate(simulate) => job::simulate::run(simulate, &console),
         Command::Compare(compare) => compare::run(compare, &console),

@@ -4,6 +4,24 @@
 //! write `TYPE:`, `WIDTH:`, `HEIGHT:`, `LAYER_CHANGE` and their settings; CuraEngine `TYPE:`, `LAYER:`,
 //! `TIME_ELAPSED:`. Everything else is for people.
 
+use super::Leg;
+use std::f64::consts::FRAC_PI_4;
+
+impl Leg {
+    /// Width of the bead: as given, or from what it deposits over its length at a height; `None` without either.
+    pub fn bead_mm(&self, length_mm: f64, height_mm: f64, slicer: Slicer) -> Option<f64> {
+        let of_volume = self.volume_mm3.map(|volume_mm3| {
+            let area_mm2 = volume_mm3 / length_mm;
+            match slicer {
+                // Cura reckons with rectangles, the others with round sides.
+                Slicer::Cura => area_mm2 / height_mm,
+                _ => area_mm2 / height_mm + height_mm * (1.0 - FRAC_PI_4),
+            }
+        });
+        self.width_mm.or(of_volume)
+    }
+}
+
 /// Who wrote the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Slicer {
@@ -43,10 +61,16 @@ pub enum BeadKind {
     /// Nothing is told.
     #[default]
     Unknown,
-    /// Perimeters and what fills gaps between them.
+    /// The outermost perimeter.
+    OuterWall,
+    /// Other perimeters and what fills gaps between them.
     Wall,
+    /// Perimeters that hang over open space.
+    Overhang,
     /// Filled ground.
     Solid,
+    /// What smooths filled ground and lays little.
+    Ironing,
     /// Infill with room between its lines.
     Sparse,
     /// Over open space.
@@ -66,6 +90,8 @@ pub struct Comments {
     pub hint: Hint,
     /// The slicer's estimate of the printing time.
     pub estimate_s: Option<f64>,
+    /// Least time of a layer.
+    pub layer_time_min_s: f64,
     /// Diameter of the filament.
     pub filament_mm: Option<f64>,
     /// Which of both kinds of layer marks counts: the first that comes. Some files have both for each layer.
@@ -134,6 +160,11 @@ impl Comments {
             "WIDTH" | "LINE_WIDTH" => self.hint.width_mm = size(value),
             "HEIGHT" | "LAYER_HEIGHT" => self.hint.height_mm = whole_um(value),
             "TIME_ELAPSED" => self.estimate_s = value.parse().ok().filter(|s: &f64| s.is_finite()),
+            "slowdown_below_layer_time" | "slow_down_layer_time" | "cool_min_layer_time" => {
+                let first = value.split(',').next().unwrap_or_default().parse();
+                self.layer_time_min_s =
+                    first.ok().filter(|s| (0.0..1e4).contains(s)).unwrap_or(0.0);
+            }
             // KISSlicer's is the second, ideaMaker's the third.
             "filament_diameter" | "fiber_dia_mm" | "Filament Diameter #1" => {
                 let first = value.split(',').next().unwrap_or_default();
@@ -181,10 +212,32 @@ fn is_inside(kind: &str) -> bool {
     kinds.iter().any(|inside| kind.contains(inside))
 }
 
+impl BeadKind {
+    /// As reports call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            BeadKind::Unknown => "beads of no kind",
+            BeadKind::OuterWall => "outer walls",
+            BeadKind::Wall => "walls",
+            BeadKind::Overhang => "overhang walls",
+            BeadKind::Solid => "solid infill",
+            BeadKind::Ironing => "ironing",
+            BeadKind::Sparse => "sparse infill",
+            BeadKind::Bridge => "bridges",
+            BeadKind::Skirt => "skirt, brim, prime tower",
+            BeadKind::Support => "supports",
+        }
+    }
+}
+
 /// Kind of a bead: `External perimeter`, `WALL-OUTER`, `Internal infill`, `Sparse infill`, `FILL`, `Solid infill`,
 /// `Top surface`, `SKIN`, `Bridge infill`, `Skirt/Brim`, `Support material`.
 fn bead_kind(kind: &str) -> BeadKind {
     let kind = kind.to_lowercase();
+    let is_wall = kind.contains("perimeter") || kind.contains("wall");
+    if is_wall && (kind.contains("external") || kind.contains("outer")) {
+        return BeadKind::OuterWall;
+    }
     let kinds = [
         ("support", BeadKind::Support),
         ("bridge", BeadKind::Bridge),
@@ -197,7 +250,8 @@ fn bead_kind(kind: &str) -> BeadKind {
         ("top", BeadKind::Solid),
         ("bottom", BeadKind::Solid),
         ("skin", BeadKind::Solid),
-        ("ironing", BeadKind::Solid),
+        ("ironing", BeadKind::Ironing),
+        ("overhang", BeadKind::Overhang),
         ("perimeter", BeadKind::Wall),
         ("wall", BeadKind::Wall),
         ("fill", BeadKind::Sparse),
@@ -309,8 +363,10 @@ mod tests {
     #[test]
     fn kinds_of_bead_have_the_names_of_slicers() {
         let kinds = [
-            ("TYPE:External perimeter", BeadKind::Wall),
-            ("TYPE:WALL-OUTER", BeadKind::Wall),
+            ("TYPE:External perimeter", BeadKind::OuterWall),
+            ("TYPE:WALL-OUTER", BeadKind::OuterWall),
+            ("FEATURE: Overhang wall", BeadKind::Overhang),
+            ("TYPE:Ironing", BeadKind::Ironing),
             ("FEATURE: Inner wall", BeadKind::Wall),
             ("TYPE:Gap fill", BeadKind::Wall),
             ("TYPE:Solid infill", BeadKind::Solid),

@@ -20,6 +20,23 @@ pub enum GcodeError {
         "its header says that Headway exported it from a job: stream or export that job (.hwj), or plan its part again"
     )]
     OwnExport,
+    /// A file whose beads have no kinds, in planning anew.
+    #[error(
+        "line {line}: a bead, and no comment before it says of what kind, as those of PrusaSlicer, SuperSlicer, OrcaSlicer and Cura \
+         do: slice with one of them, or plan the file along its lines (headway plan)"
+    )]
+    NoKinds {
+        /// Line from 1.
+        line: usize,
+    },
+    /// Nothing follows the last bead, in planning anew.
+    #[error(
+        "line {line}: the file ends with a bead, and no line of its slicer's end follows: it was cut short; slice it again"
+    )]
+    Cut {
+        /// Line from 1.
+        line: usize,
+    },
     /// Longer than any line that means something.
     #[error(
         "line {line} is longer than {LINE_CHARS_MAX} characters: it is no G-code, or lost its line ends"

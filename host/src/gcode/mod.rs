@@ -9,6 +9,7 @@
 //! file's own coordinates, and notes on what it says and Headway does not do. Leaves out how the
 //! nozzle is turned and how the head moves: that is planning's.
 
+pub mod around;
 pub mod axes;
 pub mod comments;
 pub mod curve_chords;
@@ -103,7 +104,7 @@ pub struct Push {
 }
 
 /// One run without an interruption of flow.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct GcodePass {
     /// Layer from 0.
     pub layer: u32,
@@ -132,19 +133,30 @@ pub enum HeatPlace {
     Point(usize, usize),
 }
 
-/// An order of heaters and fans.
+impl HeatPlace {
+    /// The same place of another pass.
+    pub fn of_pass(self, other: impl Fn(usize) -> usize) -> HeatPlace {
+        match self {
+            HeatPlace::Leaving(pass) => HeatPlace::Leaving(other(pass)),
+            HeatPlace::Start(pass) => HeatPlace::Start(other(pass)),
+            HeatPlace::Point(pass, point) => HeatPlace::Point(other(pass), point),
+        }
+    }
+}
+
+/// An order at its place: of heaters and fans, or something else that a line says.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlacedOrder {
+pub struct PlacedOrder<T = HeatOrder> {
     /// Line of the file, from 1.
     pub line: usize,
     /// Where.
     pub place: HeatPlace,
     /// What.
-    pub order: HeatOrder,
+    pub order: T,
 }
 
 /// A file's passes and what else it says.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct GcodeProgram {
     /// Name for headers and pictures.
     pub name: String,
@@ -154,8 +166,14 @@ pub struct GcodeProgram {
     pub passes: Vec<GcodePass>,
     /// Orders of heaters and fans, in their order.
     pub heat: Vec<PlacedOrder>,
+    /// Numbers of the lines that say what no job does.
+    pub left: Vec<PlacedOrder<usize>>,
+    /// Diameter of the filament, mm.
+    pub filament_mm: f64,
     /// The slicer's estimate of the printing time.
     pub estimate_s: Option<f64>,
+    /// Least time of a layer that the slicer slowed for, s; 0 where it does not say it.
+    pub layer_time_min_s: f64,
     /// Layers that begin within passes, as those of a vase do.
     pub layers_within: u32,
     /// C is given: headings are told.
@@ -285,7 +303,7 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         return Err(second);
     }
     let filament_mm = filament_mm(&steps, options)?;
-    let (mut passes, heat, left_out) = passes::passes(&steps, filament_mm)?;
+    let (mut passes, heat, left, left_out) = passes::passes(&steps, filament_mm)?;
     if passes.is_empty() {
         return Err(GcodeError::NothingPrinted { lines: steps.lines });
     }
@@ -301,6 +319,8 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
     Ok(GcodeProgram {
         name: name.to_string(),
         slicer: steps.comments.slicer,
+        filament_mm,
+        layer_time_min_s: steps.comments.layer_time_min_s,
         estimate_s: steps.comments.estimate_s.filter(|s| *s > 0.0),
         layers_within: left_out.layers,
         has_tilts: steps.turns[0],
@@ -309,6 +329,7 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         is_declared: options.axes.is_some(),
         passes,
         heat,
+        left,
         notes,
     })
 }
@@ -463,33 +484,23 @@ fn notes(steps: &Steps, options: &GcodeOptions, filament_mm: f64) -> Vec<String>
         more => format!(" and {more} more"),
     };
     if !steps.carried.is_empty() {
-        let told: Vec<&str> = steps
-            .carried
-            .iter()
-            .take(LINES_TOLD)
-            .map(String::as_str)
-            .collect();
+        let count = steps.carried.len();
+        let told = steps.carried[..count.min(LINES_TOLD)].join(", ");
         notes.push(format!(
-            "heaters and fans that no job has, order them by the controller that has them: {}{}",
-            told.join(", "),
-            more(steps.carried.len())
+            "heaters and fans that no job has, order them by the controller that has them: {told}{}",
+            more(count)
         ));
     }
     if !steps.undone.is_empty() {
         let mut undone: Vec<_> = steps.undone.iter().collect();
         undone.sort_by_key(|(_, (line, _))| *line);
-        let told = undone
-            .iter()
-            .take(LINES_TOLD)
-            .map(|(code, (line, times))| match times {
-                1 => format!("line {line} {code}"),
-                _ => format!("line {line} {code} ({times} times)"),
-            });
-        notes.push(format!(
-            "not done: {}{}",
-            told.collect::<Vec<_>>().join(", "),
-            more(undone.len())
-        ));
+        let told = undone.iter().take(LINES_TOLD);
+        let told = told.map(|(code, (line, times))| match times {
+            1 => format!("line {line} {code}"),
+            _ => format!("line {line} {code} ({times} times)"),
+        });
+        let told = told.collect::<Vec<_>>().join(", ");
+        notes.push(format!("not done: {told}{}", more(undone.len())));
     }
     notes
 }

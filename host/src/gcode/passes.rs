@@ -72,7 +72,6 @@ impl LeftOut {
 
 struct Builder {
     passes: Vec<GcodePass>,
-    heat: Vec<PlacedOrder>,
     open: Option<GcodePass>,
     at: Place,
     travel: Vec<Place>,
@@ -89,8 +88,13 @@ struct Builder {
     told_layers: u32,
 }
 
-/// Passes, orders of heaters and fans, what is left out.
-type Passes = (Vec<GcodePass>, Vec<PlacedOrder>, LeftOut);
+/// Passes, orders of heaters and fans, lines that no job does, what is left out.
+type Passes = (
+    Vec<GcodePass>,
+    Vec<PlacedOrder>,
+    Vec<PlacedOrder<usize>>,
+    LeftOut,
+);
 
 /// Puts steps together to passes, with the orders of heaters and fans; `filament_mm` is the filament's
 /// diameter.
@@ -102,7 +106,6 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
     let layers_told = steps.hints.iter().any(|hint| hint.layers > 0);
     let mut builder = Builder {
         passes: Vec::new(),
-        heat: Vec::new(),
         open: None,
         at: place_of(&steps.start),
         travel: Vec::new(),
@@ -115,10 +118,15 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
         first_mm: f64::INFINITY,
         told_layers: 0,
     };
-    let mut heat = steps.heat.iter().peekable();
+    let (mut heat, mut lines) = (Vec::new(), Vec::new());
+    let mut orders = steps.heat.iter().peekable();
+    let mut left = steps.left.iter().peekable();
     for (number, step) in steps.steps.iter().enumerate() {
-        while let Some(order) = heat.next_if(|order| order.step <= number) {
-            builder.order(order);
+        while let Some(order) = orders.next_if(|order| order.step <= number) {
+            heat.push(builder.placed(order));
+        }
+        while let Some(line) = left.next_if(|line| line.step <= number) {
+            lines.push(builder.placed(line));
         }
         let scale = if step.volumetric { 1.0 } else { area_mm2 };
         let hint = steps.hints[step.hint];
@@ -134,7 +142,8 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
         };
         builder.step(step, leg, area_mm2, told_layer)?;
     }
-    heat.for_each(|order| builder.order(order));
+    heat.extend(orders.map(|order| builder.placed(order)));
+    lines.extend(left.map(|line| builder.placed(line)));
     builder.close();
     let mut passes = builder.passes;
     if !steps.extrudes {
@@ -151,7 +160,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
         true => builder.told_layers.saturating_sub(layers),
         false => turns,
     };
-    Ok((passes, builder.heat, left_out))
+    Ok((passes, heat, lines, left_out))
 }
 
 impl Builder {
@@ -204,19 +213,19 @@ impl Builder {
         Ok(())
     }
 
-    /// An order of heaters and fans: it stands where the head is now.
-    fn order(&mut self, order: &HeatStep) {
+    /// An order stands where the head is now.
+    fn placed<T: Copy>(&self, order: &HeatStep<T>) -> PlacedOrder<T> {
         let pass = self.passes.len();
         let place = match &self.open {
             Some(open) => HeatPlace::Point(pass, open.points.len() - 1),
             None if self.travel.is_empty() => HeatPlace::Leaving(pass),
             None => HeatPlace::Start(pass),
         };
-        self.heat.push(PlacedOrder {
+        PlacedOrder {
             line: order.line,
             place,
             order: order.order,
-        });
+        }
     }
 
     fn pull(

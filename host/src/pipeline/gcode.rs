@@ -15,7 +15,7 @@ use crate::gcode::{GcodeError, GcodePass, GcodeProgram, check_days};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Box2;
 use crate::job::SegmentStream;
-use crate::job::heat::HeatEvent;
+use crate::job::heat::{HeatEvent, HeatOrder};
 use crate::job::transform::PartTransform;
 use crate::pipeline::error::another_solution;
 use crate::pipeline::gcode_heat::{LaidPasses, events_behind, events_of};
@@ -56,6 +56,8 @@ pub struct GcodePlan {
     pub jumps: HeadingJumps,
     /// The file's orders of heaters and fans.
     pub heat: Vec<HeatEvent>,
+    /// Numbers of the file's lines that say what the job does not, by servo ticks.
+    pub lines: Vec<(u64, usize)>,
     /// Where a bead is lower than one before it.
     pub descent: Option<Descent>,
     /// What the head touches, where that is possible and its shape is known.
@@ -63,6 +65,26 @@ pub struct GcodePlan {
     /// For each pass of the stream the number of the file's.
     pub file_passes: Vec<usize>,
 }
+
+/// Some passes of a file that are planned together, and where the head is before them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GcodePiece<'a> {
+    /// Number of the first of them in the file.
+    pub first: usize,
+    /// They.
+    pub passes: &'a [GcodePass],
+    /// Number of the next pass of the job.
+    pub first_pass: u32,
+    /// Pose at rest before them.
+    pub at: [f64; CHANNELS],
+    /// The job ends behind them.
+    pub is_last: bool,
+    /// How the file is read.
+    pub way: &'a GcodeWay<'a>,
+}
+
+/// The route of a piece, its stream and what that reaches.
+pub(super) type LaidPiece = (GcodeRoute, (SegmentStream, MotionReport));
 
 /// Plans a file. Speeds are the file's, at most `speed_max_mm_s`.
 ///
@@ -74,46 +96,50 @@ pub fn plan_gcode(
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<GcodePlan, PlanError> {
+    let settings = with_speeds(program, speed_max_mm_s, settings);
+    plan_pieces(program, &settings, progress, |piece| {
+        laid_piece(piece, progress)
+    })
+}
+
+/// Plans a file with settings that have its speeds, each of its pieces by `lay`.
+pub(super) fn plan_pieces(
+    program: &GcodeProgram,
+    settings: &Settings,
+    progress: &dyn Progress,
+    mut lay: impl FnMut(&GcodePiece) -> Result<LaidPiece, PlanError>,
+) -> Result<GcodePlan, PlanError> {
     if program.is_export() {
         return Err(GcodeError::OwnExport.into());
     }
-    let settings = with_speeds(program, speed_max_mm_s, settings);
     settings.check()?;
-    check_time(program, &settings)?;
-    let transform = place(program, &settings)?;
-    let way = GcodeWay {
+    check_time(program, settings)?;
+    let transform = place(program, settings)?;
+    let way = &GcodeWay {
         slicer: program.slicer,
         headings_told: program.has_headings,
         offset_mm: transform.offset_mm,
-        settings: &settings,
+        settings,
     };
     let is_whole = program.is_drawn() || winds(&settings.machine.kinematics) != 0;
     let passes = program.passes.as_slice();
     let pieces = passes.chunk_by(|a, b| is_whole || a.layer == b.layer);
     let count = pieces.clone().count();
-    let mut at = start_pose(&settings);
-    let mut planned = GcodePlan {
-        transform,
-        settings: settings.clone(),
-        stream: SegmentStream::default(),
-        motion: MotionReport::default(),
-        figures: PlanFigures::default(),
-        beyond_mm: [0.0; 2],
-        off: WidthOff::default(),
-        jumps: HeadingJumps::default(),
-        heat: Vec::new(),
-        descent: descent(program, &settings),
-        touches: None,
-        file_passes: Vec::new(),
-    };
-    let mut collector = Collector::new(planned.descent, &settings);
+    let mut at = start_pose(settings);
+    let mut planned = GcodePlan::empty(transform, descent(program, settings), settings);
+    let mut collector = Collector::new(planned.descent, settings);
     let mut first = 0;
     for (number, piece) in pieces.enumerate() {
-        let first_pass = planned.figures.passes as u32;
-        let is_last = number + 1 == count;
-        let (made, (laid, report)) = laid_piece(piece, first_pass, at, is_last, &way, progress)?;
+        let (made, (laid, report)) = lay(&GcodePiece {
+            first,
+            passes: piece,
+            first_pass: planned.figures.passes as u32,
+            at,
+            is_last: number + 1 == count,
+            way,
+        })?;
         at = made.route.end().unwrap_or(at);
-        collector.add(&made.route, &settings);
+        collector.add(&made.route, settings);
         let laid_passes = LaidPasses {
             first,
             passes: piece,
@@ -121,8 +147,10 @@ pub fn plan_gcode(
             stream: &laid,
             offset_mm: transform.offset_mm,
         };
-        let of_piece = events_of(&program.heat, &laid_passes, planned.end_tick());
-        planned.heat.extend(of_piece);
+        let heat = events_of(&program.heat, &laid_passes, planned.end_tick());
+        planned.heat.extend(heat.into_iter().map(heat_event));
+        let lines = events_of(&program.left, &laid_passes, planned.end_tick());
+        planned.lines.extend(lines);
         for (k, numbers) in made.numbers.iter().enumerate() {
             let parts = numbers.map_or(0, |[from, to]| to - from + 1);
             planned.file_passes.extend((0..parts).map(|_| first + k));
@@ -134,23 +162,23 @@ pub fn plan_gcode(
     }
     planned.figures.layers = program.layers();
     let behind = events_behind(&program.heat, passes.len(), planned.end_tick());
-    planned.heat.extend(behind);
-    planned.touches = collector.touches(&settings);
+    planned.heat.extend(behind.map(heat_event));
+    let behind = events_behind(&program.left, passes.len(), planned.end_tick());
+    planned.lines.extend(behind);
+    planned.touches = collector.touches(settings);
     Ok(planned)
 }
 
+fn heat_event((tick, order): (u64, HeatOrder)) -> HeatEvent {
+    HeatEvent { tick, order }
+}
+
 /// The route of a piece from a pose on, and its motion.
-fn laid_piece(
-    piece: &[GcodePass],
-    first_pass: u32,
-    at: [f64; CHANNELS],
-    is_last: bool,
-    way: &GcodeWay,
-    progress: &dyn Progress,
-) -> Result<(GcodeRoute, (SegmentStream, MotionReport)), PlanError> {
+fn laid_piece(piece: &GcodePiece, progress: &dyn Progress) -> Result<LaidPiece, PlanError> {
+    let way = piece.way;
     with_stop_room(way.settings, |stop_room_rad| {
-        let mut made = gcode_route(piece, first_pass, at, stop_room_rad, way);
-        if is_last {
+        let mut made = gcode_route(piece.passes, piece.first_pass, piece.at, stop_room_rad, way);
+        if piece.is_last {
             lift_at_end(&mut made.route, way.settings);
         }
         let laid = match made.route.moves.is_empty() {
@@ -192,6 +220,24 @@ fn check_time(program: &GcodeProgram, settings: &Settings) -> Result<(), PlanErr
 }
 
 impl GcodePlan {
+    fn empty(transform: PartTransform, descent: Option<Descent>, settings: &Settings) -> GcodePlan {
+        GcodePlan {
+            transform,
+            settings: settings.clone(),
+            stream: SegmentStream::default(),
+            motion: MotionReport::default(),
+            figures: PlanFigures::default(),
+            beyond_mm: [0.0; 2],
+            off: WidthOff::default(),
+            jumps: HeadingJumps::default(),
+            heat: Vec::new(),
+            lines: Vec::new(),
+            descent,
+            touches: None,
+            file_passes: Vec::new(),
+        }
+    }
+
     /// Puts a piece behind the others.
     fn add(
         &mut self,
@@ -234,7 +280,7 @@ fn add_motion(sum: &mut MotionReport, report: &MotionReport) {
 const SPEED_MAX_MM_S: f64 = 10_000.0;
 
 /// The file's speeds: the plan's share of the limit is the fastest of them.
-fn with_speeds(
+pub(super) fn with_speeds(
     program: &GcodeProgram,
     speed_max_mm_s: Option<f64>,
     settings: &Settings,
@@ -251,7 +297,10 @@ fn with_speeds(
 }
 
 /// The file's z = 0 lies on the bed; what is printed lies over the middle of the work area.
-fn place(program: &GcodeProgram, settings: &Settings) -> Result<PartTransform, PlanError> {
+pub(super) fn place(
+    program: &GcodeProgram,
+    settings: &Settings,
+) -> Result<PartTransform, PlanError> {
     let tips = || program.passes.iter().flat_map(|pass| &pass.points);
     let corners: Vec<Point2> = tips()
         .map(|p| Point2::new(p.tip_mm[0], p.tip_mm[1]))

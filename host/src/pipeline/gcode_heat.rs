@@ -1,12 +1,11 @@
 //! Places of a file's orders of heaters and fans -> ticks of the planned stream.
 //!
 //! In: orders by pass and point ([`PlacedOrder`]), the stream of some passes (mm, servo ticks). Out:
-//! [`HeatEvent`]s. An order within a pass comes at the tick at which the path is nearest to the file's point,
+//! them by tick. An order within a pass comes at the tick at which the path is nearest to the file's point,
 //! looked for around the same length of the way; the path rounds corners, so that it is beside the point by
 //! what it is beside the file's lines. What stands before the first bead comes at the very first tick.
 
 use crate::gcode::{GcodePass, HeatPlace, PlacedOrder};
-use crate::job::heat::HeatEvent;
 use crate::job::{Mark, MotionState, SegmentStream};
 use headway_firmware::path::spline::Spans;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Z};
@@ -36,7 +35,7 @@ pub(crate) struct LaidPasses<'a> {
     pub offset_mm: [f64; 3],
 }
 
-fn pass_of(order: &PlacedOrder) -> usize {
+fn pass_of<T>(order: &PlacedOrder<T>) -> usize {
     match order.place {
         HeatPlace::Leaving(pass) | HeatPlace::Start(pass) | HeatPlace::Point(pass, _) => pass,
     }
@@ -44,7 +43,11 @@ fn pass_of(order: &PlacedOrder) -> usize {
 
 /// The orders of these passes, ticks counted on from `before`. Orders come in the order of their passes, as a
 /// stream's marks do: each is gone through once.
-pub(crate) fn events_of(orders: &[PlacedOrder], laid: &LaidPasses, before: u64) -> Vec<HeatEvent> {
+pub(crate) fn events_of<T: Copy>(
+    orders: &[PlacedOrder<T>],
+    laid: &LaidPasses,
+    before: u64,
+) -> Vec<(u64, T)> {
     let [from, to] = [laid.first, laid.first + laid.passes.len()]
         .map(|pass| orders.partition_point(|order| pass_of(order) < pass));
     let marks = MarksOfPasses::of(&laid.stream.marks);
@@ -77,26 +80,22 @@ pub(crate) fn events_of(orders: &[PlacedOrder], laid: &LaidPasses, before: u64) 
                 marks.tick_before(next_printed[pass], at_start)
             }
         };
-        let (tick, order) = (before + tick, placed.order);
-        events.push(HeatEvent { tick, order });
+        events.push((before + tick, placed.order));
     }
     events
 }
 
 /// The orders behind the last of `passes` passes, at the stream's end.
-pub(crate) fn events_behind(
-    orders: &[PlacedOrder],
+pub(crate) fn events_behind<T: Copy>(
+    orders: &[PlacedOrder<T>],
     passes: usize,
     end_tick: u64,
-) -> impl Iterator<Item = HeatEvent> {
-    let is_behind = move |order: &&PlacedOrder| match order.place {
+) -> impl Iterator<Item = (u64, T)> {
+    let is_behind = move |order: &&PlacedOrder<T>| match order.place {
         HeatPlace::Leaving(pass) | HeatPlace::Start(pass) => pass >= passes,
         HeatPlace::Point(..) => false,
     };
-    let event = move |order: &PlacedOrder| HeatEvent {
-        tick: end_tick,
-        order: order.order,
-    };
+    let event = move |order: &PlacedOrder<T>| (end_tick, order.order);
     orders.iter().filter(is_behind).map(event)
 }
 

@@ -6,6 +6,7 @@
 //! mesh ------+    (a prism at once, a part a few layers at a time: piece)                 |
 //! waypoints ------> placed_passes ---------------------------------------------- route --+--> segments --> judge
 //! gcode ------------------------------------------------------------------------ route --+    (SegmentStream) |
+//! (replan: regions of its beads by the stack, other beads by gcode)                       |
 //!                                                                  job's bytes <-- packing <-- findings <-----+
 //! ```
 //! The stages are in [`crate::plan`]; this module has their order for each kind of input. It knows no files, no
@@ -32,6 +33,7 @@ pub mod piece;
 mod placed_passes;
 mod plan;
 pub mod planned;
+pub mod replan;
 pub mod roofs;
 pub mod shards;
 pub mod stack;

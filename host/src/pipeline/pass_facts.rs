@@ -222,8 +222,8 @@ fn letter_of(what: What) -> char {
 
 fn what(leg: &Leg) -> What {
     match leg.kind {
-        BeadKind::Wall => What::Wall,
-        BeadKind::Solid => What::Solid,
+        BeadKind::OuterWall | BeadKind::Wall | BeadKind::Overhang => What::Wall,
+        BeadKind::Solid | BeadKind::Ironing => What::Solid,
         BeadKind::Sparse => What::Sparse,
         BeadKind::Bridge => What::Bridge,
         BeadKind::Skirt => What::Skirt,

@@ -183,7 +183,8 @@ fn steps(figures: &Figures) -> Option<String> {
     ))
 }
 
-fn duration(seconds: f64) -> String {
+/// A time for people.
+pub fn duration(seconds: f64) -> String {
     // Rounded once, so that no 60 seconds and no 60 minutes are left over.
     let whole = seconds.round() as u64;
     let minutes = (seconds / 60.0).round() as u64;

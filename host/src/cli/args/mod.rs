@@ -10,6 +10,7 @@ pub(crate) mod machine;
 mod names;
 pub(crate) mod other_names;
 pub(crate) mod output_path;
+pub(crate) mod replan;
 pub(crate) mod shell;
 pub(crate) mod wrong_number;
 
@@ -21,6 +22,7 @@ use crate::cli::args::export::ExportArgs;
 use crate::cli::args::inspect::InspectArgs;
 use crate::cli::args::machine::MachineArgs;
 use crate::cli::args::other_names::OtherNames;
+use crate::cli::args::replan::ReplanArgs;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
 pub(crate) use names::FormatName;
 
@@ -63,6 +65,8 @@ Exit status: 0 done, 1 the job cannot be done as asked, 2 wrong usage.";
 pub(crate) enum Command {
     /// Plan an input and write the job file.
     Plan(PlanArgs),
+    /// Plan a slicer's file anew: the regions that its beads fill, in the file's place.
+    Replan(ReplanArgs),
     /// Write the feasible headings at every boundary sample.
     Headings(HeadingsArgs),
     /// Run a job through the firmware library and check the result.

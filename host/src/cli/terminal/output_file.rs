@@ -17,7 +17,7 @@ use crate::cli::args::output_path::OutputPath;
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::named_files::parent;
-use crate::cli::terminal::result_kind::{HEAD_BYTES, JOB, ResultKind};
+use crate::cli::terminal::result_kind::{GCODE, HEAD_BYTES, JOB, ResultKind};
 use crate::report::page::PAGE_GENERATOR;
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
@@ -98,6 +98,16 @@ impl OutputPath {
 }
 
 impl OutputFile {
+    /// An input that is replaced by its own result.
+    pub(crate) fn in_place(path: &Path) -> Result<OutputFile, CliError> {
+        check_file(path)?;
+        Ok(OutputFile {
+            path: path.to_path_buf(),
+            kind: GCODE,
+            force: true,
+        })
+    }
+
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }

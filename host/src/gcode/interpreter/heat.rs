@@ -29,13 +29,13 @@ pub(super) type Targets = [Option<f64>; 3];
 
 /// An order among the steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HeatStep {
+pub struct HeatStep<T = HeatOrder> {
     /// Line from 1.
     pub line: usize,
     /// Steps before it.
     pub step: usize,
     /// What.
-    pub order: HeatOrder,
+    pub order: T,
 }
 
 impl Interpreter {
@@ -183,6 +183,7 @@ impl Interpreter {
         let parameters: Vec<String> = line.words.iter().map(code_name).collect();
         let carried = format!("line {number} {}", parameters.join(" "));
         self.found.carried.push(carried);
+        self.left(number);
     }
 }
 

@@ -94,6 +94,8 @@ pub struct Steps {
     pub start: [f64; 6],
     /// Orders of heaters and fans.
     pub heat: Vec<HeatStep>,
+    /// Lines that say what no job does, by their numbers.
+    pub left: Vec<HeatStep<usize>>,
     /// Those that no job has, with their lines.
     pub carried: Vec<String>,
     /// What was taken from the words of macros.
@@ -271,6 +273,16 @@ impl Interpreter {
     fn undone(&mut self, what: String, line: usize) {
         let entry = self.found.undone.entry(what).or_insert((line, 0));
         entry.1 += 1;
+        self.left(line);
+    }
+
+    /// A line that says what no job does.
+    fn left(&mut self, line: usize) {
+        if self.found.left.last().is_none_or(|last| last.line < line) {
+            let step = self.found.steps.len();
+            let order = line;
+            self.found.left.push(HeatStep { line, step, order });
+        }
     }
 
     /// A command with a text or with parameters of any kind.

@@ -16,6 +16,7 @@ pub mod controller_time;
 pub mod demands;
 pub mod dialect;
 pub mod ends;
+pub mod file_time;
 mod heat;
 pub mod limits;
 pub mod lines;
@@ -98,6 +99,8 @@ pub struct WriteOptions {
     pub height_mm: Option<f64>,
     /// Density of the material, g/cm³, where it is known.
     pub density_g_cm3: Option<f64>,
+    /// Further lines, by servo ticks: each stands before the first move that begins then or later.
+    pub lines: Vec<(u64, String)>,
 }
 
 impl WriteOptions {
@@ -118,6 +121,7 @@ impl WriteOptions {
             leave_hot: false,
             height_mm: None,
             density_g_cm3: None,
+            lines: Vec::new(),
         }
     }
 
@@ -324,8 +328,12 @@ impl<W: Write> Writer<'_, W> {
         let mut layer = None;
         let first_orders = job.heat.iter().take_while(|event| event.tick == 0);
         let mut heat = &job.heat[first_orders.count()..];
+        let mut lines = self.options.lines.iter().peekable();
         for mark in &job.stream.marks {
             self.orders_until(&mut heat, mark.start_tick, false)?;
+            while let Some((_, line)) = lines.next_if(|(tick, _)| *tick <= mark.start_tick) {
+                writeln!(self.out, "{line}")?;
+            }
             if mark.state == MotionState::Print && layer != Some(mark.layer) {
                 layer = Some(mark.layer);
                 let z_mm = poses.at(mark.start_tick)[2];
@@ -347,6 +355,9 @@ impl<W: Write> Writer<'_, W> {
                     self.retract(*volume_mm3, *duration_s, primes_left > 0)?;
                 }
             }
+        }
+        for (_, line) in lines {
+            writeln!(self.out, "{line}")?;
         }
         self.orders_until(&mut heat, u64::MAX, true)
     }

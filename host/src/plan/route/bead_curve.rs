@@ -25,7 +25,6 @@ use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
-use std::f64::consts::FRAC_PI_4;
 
 /// Largest distance of the curve from a vertex, of the aperture's unit: a corner, and a vertex of a polygon that
 /// represents a curve; less what the fit of the segments takes, and what the steps grow by before a corner.
@@ -319,15 +318,8 @@ impl Way {
         let widest_mm = 2.0 * settings.aperture.major_mm();
         legs.map(|(leg, length_mm)| {
             let height_mm = leg.height_mm.unwrap_or(settings.layer_height_mm);
-            let of_volume = leg.volume_mm3.map(|volume_mm3| {
-                let area_mm2 = volume_mm3 / length_mm;
-                match slicer {
-                    // Cura reckons with rectangles, the others with round sides.
-                    Slicer::Cura => area_mm2 / height_mm,
-                    _ => area_mm2 / height_mm + height_mm * (1.0 - FRAC_PI_4),
-                }
-            });
-            leg.width_mm.or(of_volume).unwrap_or(widest_mm)
+            let width_mm = leg.bead_mm(*length_mm, height_mm, slicer);
+            width_mm.unwrap_or(widest_mm)
         })
         .collect()
     }

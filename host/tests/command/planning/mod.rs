@@ -12,6 +12,7 @@ mod idle_options;
 mod joined_kinds;
 mod meshes;
 mod projects;
+mod replan;
 mod start_blocks;
 mod surfaces;
 mod wide_beads;

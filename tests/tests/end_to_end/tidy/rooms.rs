@@ -59,8 +59,8 @@ const HOUSES: [House; 3] = [
         folder: "host/src/cli/",
         prefix: "crate::cli::",
         rooms: &[
-            "error", "args", "terminal", "reading", "plan", "job", "compare", "live", "board",
-            "stream", "machine", "shell",
+            "error", "args", "terminal", "reading", "plan", "job", "replan", "compare", "live",
+            "board", "stream", "machine", "shell",
         ],
     },
 ];
