@@ -27,7 +27,10 @@ pub fn apart_mm(one: &[Region], other: &[Region], most_mm: f64) -> Option<f64> {
     }
     let [one, other] = [one, other].map(|regions| {
         let edges = regions.iter().flat_map(Region::edges);
-        EdgeIndex::new(edges.map(|(a, b)| Edge { a, b }).collect(), most_mm)
+        let edges: Vec<Edge> = edges.map(|(a, b)| Edge { a, b }).collect();
+        let length_mm: f64 = edges.iter().map(Edge::length_mm).sum();
+        let cell_mm = most_mm.max(length_mm / edges.len() as f64);
+        EdgeIndex::new(edges, cell_mm)
     });
     let there_mm = farthest_mm(&one, &other, most_mm)?;
     let back_mm = farthest_mm(&other, &one, most_mm)?;

@@ -5,8 +5,9 @@
 //! walls where they were, those of its other beads elsewhere. Leaves out where it goes in the job.
 
 use super::kept::joined_runs;
-use super::regions::Ground;
+use super::regions::{Ground, LEVEL_MM};
 use crate::geometry::Point2;
+use crate::geometry::apart::apart_mm;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::job::MotionState;
 use crate::job::transform::PartTransform;
@@ -17,7 +18,6 @@ use crate::plan::judge::measure::measure;
 use crate::plan::layers::inside::Inside;
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
 use crate::plan::motion::segments::lay_segments;
-use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::progress::Stopped;
 use crate::plan::route::gcode_route::{GcodeWay, gcode_route};
 use crate::plan::route::moves::{Route, RouteMove};
@@ -28,8 +28,10 @@ use headway_protocol::units::{CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, C
 const COVERED_LESS_PCT: f64 = 0.3;
 /// Speeds that differ by less are one.
 const SPEED_SHARE: f64 = 0.05;
-/// Digits of an outline in the key of a region, mm: slicers write thousandths.
-const KEY_MM: f64 = 2e-3;
+/// Largest distance of outlines that have one plan, in widths of an outer wall: slicers round places and volumes.
+const ALIKE_WIDTHS: f64 = 0.02;
+/// Speeds of alike regions differ by at most this, mm/s.
+const SPEED_STEP_MM_S: f64 = 0.5;
 
 /// A region planned anew.
 #[derive(Clone, Debug)]
@@ -46,22 +48,24 @@ pub struct Anew {
     pub swept: Swept,
 }
 
-/// What alike regions have in common, wherever they are in the file.
-pub(super) fn key_of(ground: &Ground, layer: u32) -> Vec<i64> {
-    let contour = Contour::of_region(&ground.region, SIMPLIFY_MM).ok();
-    let count = |mm: f64| (mm / KEY_MM).round() as i64;
-    let mut key = vec![i64::from(layer == 0), count(ground.height_mm)];
-    key.extend(ground.speeds_mm_s.map(|speed| speed.round() as i64));
-    for ring in contour.iter().flat_map(|contour| contour.region.rings()) {
-        key.push(i64::MAX);
-        for point in &ring.points {
-            let at = contour
-                .as_ref()
-                .map_or(*point, |contour| contour.to_input(*point));
-            key.extend([count(at.x), count(at.y)]);
-        }
-    }
-    key
+/// True for regions that may have one plan: the outlines of a slicer's layers differ by its rounding.
+pub(super) fn is_alike(one: (&Ground, u32), other: (&Ground, u32)) -> bool {
+    let [(one, layer), (other, other_layer)] = [one, other];
+    let most_mm = ALIKE_WIDTHS * one.wall_mm;
+    let is_near = |a: f64, b: f64, most: f64| (a - b).abs() <= most;
+    let speeds = one.speeds_mm_s.iter().zip(other.speeds_mm_s);
+    let ends = |ground: &Ground| [ground.bounds.min, ground.bounds.max];
+    let ends = ends(one).into_iter().zip(ends(other));
+    (layer == 0) == (other_layer == 0)
+        && is_near(one.height_mm, other.height_mm, LEVEL_MM)
+        && { speeds }.all(|(a, b)| is_near(*a, b, SPEED_STEP_MM_S))
+        && { ends }.all(|(a, b)| is_near(a.x, b.x, most_mm) && is_near(a.y, b.y, most_mm))
+        && apart_mm(
+            std::slice::from_ref(&one.region),
+            std::slice::from_ref(&other.region),
+            most_mm,
+        )
+        .is_some()
 }
 
 /// Plans a region anew and along its lines, and takes the faster one unless it covers less.

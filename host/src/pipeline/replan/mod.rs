@@ -31,13 +31,16 @@ use crate::plan::route::gcode_route::{GcodeRoute, GcodeWay, gcode_route};
 use crate::plan::route::moves::RouteMove;
 use crate::plan::route::travel::TravelWays;
 use crate::settings::Settings;
-use anew::{Anew, anew, key_of};
+use anew::{Anew, anew, is_alike};
 use headway_firmware::kinematics::winds;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS};
 use kept::{follows, joined_runs};
 use rayon::prelude::*;
 use regions::{Ground, Parts, Run, is_level, parts, why};
 use std::collections::BTreeMap;
+
+/// How many of the last different regions another may be alike.
+const ALIKE_MAX: usize = 1000;
 
 /// A file planned anew: its program, the passes those of the job (a region is one pass of all its beads); its plan; what was
 /// done with it.
@@ -144,16 +147,19 @@ fn plans_of(
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<(Plans, Vec<usize>), Stopped> {
-    let mut known: BTreeMap<Vec<i64>, usize> = BTreeMap::new();
     let mut different: Vec<(&Ground, u32)> = Vec::new();
     let mut plan_of = Vec::new();
     for ground in layers.iter().flat_map(|parts| &parts.grounds) {
         let layer = ground.runs.first().map_or(0, |run| run.pass.layer);
-        let number = *known.entry(key_of(ground, layer)).or_insert_with(|| {
+        let before = different.len().saturating_sub(ALIKE_MAX);
+        let known = &different[before..];
+        let found = { known }
+            .iter()
+            .rposition(|known| is_alike(*known, (ground, layer)));
+        plan_of.push(found.map_or(different.len(), |found| before + found));
+        if found.is_none() {
             different.push((ground, layer));
-            different.len() - 1
-        });
-        plan_of.push(number);
+        }
     }
     let way = GcodeWay {
         slicer: program.slicer,

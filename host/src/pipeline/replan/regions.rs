@@ -12,8 +12,8 @@ use super::loops::outline;
 use crate::gcode::comments::Slicer;
 use crate::gcode::{BeadKind, GcodePass, Push};
 use crate::geometry::Point2;
-use crate::geometry::boolean::{difference, filled, grown, intersection, mitred, shrunk, swept};
-use crate::geometry::polygon::Region;
+use crate::geometry::boolean::{difference, filled, intersection, mitred, moved, swept};
+use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::repair::FillRule;
 use std::collections::BTreeMap;
 
@@ -30,7 +30,7 @@ const SOLID_WIDTHS: f64 = 5.0;
 /// What the beads of a region lay, as a share of its area times its height: beyond this it is not the ground that they fill.
 const VOLUME_SHARES: [f64; 2] = [0.85, 1.15];
 /// Ends of a bead at different heights: it rises.
-const LEVEL_MM: f64 = 1e-3;
+pub(super) const LEVEL_MM: f64 = 1e-3;
 /// Widths of beads that are swept together.
 const WIDTH_STEP_MM: f64 = 0.01;
 /// What a bead of round sides is narrower at its mean than at its middle, as a share of its height: 1 - pi / 4.
@@ -54,6 +54,8 @@ pub struct Run {
 pub struct Ground {
     /// Its outline, file coordinates.
     pub region: Region,
+    /// Around it.
+    pub bounds: Box2,
     /// Tip height.
     pub z_mm: f64,
     /// Height of its beads.
@@ -107,8 +109,12 @@ pub fn parts(passes: &[GcodePass], first_pass: usize, slicer: Slicer) -> Parts {
     let mut grounds: Vec<Ground> = Vec::new();
     for of_level in levels.values() {
         let level: Vec<Bead> = of_level.iter().map(|number| beads[*number]).collect();
-        let is_filling = filling(&level);
-        for region in regions(&level, &is_filling) {
+        let mut is_filling = filling(&level);
+        let mut found = regions(&level, &is_filling);
+        if fill_holes(&found, &level, &mut is_filling) {
+            found = regions(&level, &is_filling);
+        }
+        for region in found {
             let is_own = |own: &usize| is_filling[*own] && region.contains(level[*own].middle());
             let own: Vec<usize> = (0..level.len()).filter(is_own).collect();
             let its: Vec<Bead> = own.iter().map(|own| level[*own]).collect();
@@ -204,8 +210,8 @@ fn filling(level: &[Bead]) -> Vec<bool> {
         Some(width_mm) => {
             let least_mm = SOLID_SHARE * width_mm;
             let void_mm = VOID_WIDTHS * mean_width_mm(&sparse);
-            let closed = grown(&sweep(&sparse, |bead| bead.width_mm, false), void_mm);
-            let mut solid = grown(&shrunk(&closed, void_mm + least_mm), least_mm + void_mm);
+            let closed = moved(&sweep(&sparse, |bead| bead.width_mm, false), void_mm);
+            let mut solid = moved(&moved(&closed, -void_mm - least_mm), least_mm + void_mm);
             let least_mm2 = (SOLID_WIDTHS * width_mm).powi(2);
             solid.retain(|region| region.area_mm2() > least_mm2);
             solid
@@ -221,6 +227,35 @@ fn filling(level: &[Bead]) -> Vec<bool> {
         _ => false,
     };
     level.iter().map(fills).collect()
+}
+
+/// Counts the lines of an infill that fill a hole as its region's; true where there are any.
+fn fill_holes(found: &[Region], level: &[Bead], is_filling: &mut [bool]) -> bool {
+    let mut is_changed = false;
+    let open: Vec<usize> = (0..level.len())
+        .filter(|number| !is_filling[*number] && level[*number].kind == BeadKind::Sparse)
+        .collect();
+    let holes = found.iter().flat_map(|region| &region.holes);
+    for hole in holes.filter(|_| !open.is_empty()) {
+        let region = Region {
+            exterior: hole.clone(),
+            holes: Vec::new(),
+        };
+        let bounds = region.bounds();
+        let is_in = |number: &&usize| {
+            let middle = level[**number].middle();
+            bounds.contains(middle) && region.contains(middle)
+        };
+        let its: Vec<usize> = open.iter().filter(is_in).copied().collect();
+        let volume_mm3: f64 = its.iter().map(|number| level[*number].volume_mm3).sum();
+        let height_mm = its.first().map_or(1.0, |number| level[*number].height_mm);
+        let share = volume_mm3 / (hole.signed_area_mm2().abs() * height_mm);
+        if share >= VOLUME_SHARES[0] {
+            its.iter().for_each(|number| is_filling[*number] = true);
+            is_changed = true;
+        }
+    }
+    is_changed
 }
 
 /// Mean width of beads by their lengths; zero without any.
@@ -273,15 +308,15 @@ fn regions(level: &[Bead], is_filling: &[bool]) -> Vec<Region> {
         let parts = parts.iter().flat_map(|part| part.iter());
         filled(parts.flat_map(Region::rings), FillRule::NonZero)
     };
-    let closed = shrunk(&grown(&union(&[&all, &rims]), void_mm), void_mm);
+    let closed = moved(&moved(&union(&[&all, &rims]), void_mm), -void_mm);
     let inside = intersection(&closed, &outline);
     // Walls that are no loops.
-    let open = difference(&all, &grown(&outline, void_mm));
+    let open = difference(&all, &moved(&outline, void_mm));
     let found = match open.is_empty() {
         true => inside,
         false => union(&[
             &inside,
-            &intersection(&closed, &grown(&open, 2.0 * void_mm)),
+            &intersection(&closed, &moved(&open, 2.0 * void_mm)),
         ]),
     };
     let hanging = of(&|number| level[number].kind == BeadKind::Overhang);
@@ -299,7 +334,7 @@ fn ground(region: Region, beads: &[Bead]) -> Option<Ground> {
     let share = volume_mm3 / (area_mm2 * height_mm);
     let detail_mm = DETAIL_WIDTHS * mean_width_mm(beads);
     let is_filled = (VOLUME_SHARES[0]..=VOLUME_SHARES[1]).contains(&share);
-    if !is_filled || shrunk(own, 0.5 * detail_mm).is_empty() {
+    if !is_filled || moved(own, -0.5 * detail_mm).is_empty() {
         return None;
     }
     let mean_mm = |bead: &Bead| bead.width_mm - ROUND_SHARE * bead.height_mm;
@@ -327,6 +362,7 @@ fn ground(region: Region, beads: &[Bead]) -> Option<Ground> {
         speeds_mm_s,
         wall_mm: walls_mm.fold(0.0, f64::max),
         runs: Vec::new(),
+        bounds: region.bounds(),
         region,
     })
 }
