@@ -20,7 +20,7 @@ use super::gcode::{GcodePiece, GcodePlan, place, plan_pieces, with_speeds};
 use super::layer_time::{SlowedLayers, lay_with_layer_times};
 use super::stop_room::with_stop_room;
 use crate::gcode::comments::Slicer;
-use crate::gcode::{BeadKind, GcodeError, GcodePass, GcodeProgram, HeatPlace, PlacedOrder};
+use crate::gcode::{BeadKind, GcodeError, GcodePass, GcodeProgram, HeatPlace, Leg, PlacedOrder};
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::plan::judge::figures::Swept;
@@ -100,8 +100,20 @@ pub fn replan(
     program.heat = replaced(&program.heat, &steps, &froms);
     program.left = replaced(&program.left, &steps, &froms);
     program.passes = steps.iter().map(|step| step.run.pass.clone()).collect();
+    // While layers that are supports alone are printed, the part below cools: they are not slowed, and count for the next.
+    let mut cooled_s = 0.0;
     let plan = plan_pieces(&program, settings, progress, |piece| {
-        let (made, (stream, motion, slowed)) = laid(&steps, &plans, piece, progress)?;
+        let own = &steps[piece.first..piece.first + piece.passes.len()];
+        let is_beside = own.iter().all(Step::is_beside_part);
+        let least_s = match is_beside {
+            true => 0.0,
+            false => (settings.layer_time_min_s - cooled_s).max(0.0),
+        };
+        let (made, (stream, motion, slowed)) = laid(&steps, &plans, piece, least_s, progress)?;
+        cooled_s = match is_beside {
+            true => cooled_s + motion.duration_s,
+            false => 0.0,
+        };
         report.slowed_layers += slowed.layers;
         Ok((made, (stream, motion)))
     })?;
@@ -235,6 +247,12 @@ impl Step {
         }
     }
 
+    /// It is no part of the part.
+    fn is_beside_part(&self) -> bool {
+        let is_beside = |leg: &Leg| matches!(leg.kind, BeadKind::Support | BeadKind::Skirt);
+        self.anew.is_none() && self.run.pass.legs.iter().all(is_beside)
+    }
+
     /// Another one is the rest of the same pass.
     fn goes_on(&self, next: &Step) -> bool {
         let is_kept = self.anew.is_none() && next.anew.is_none();
@@ -296,14 +314,18 @@ fn replaced<T: Copy>(
 /// A layer's stream, what it reaches, and whether it was slowed.
 type LaidLayer = (SegmentStream, MotionReport, SlowedLayers);
 
-/// The route of a layer and its motion, slowed where the layer is too short.
+/// The route of a layer and its motion, slowed where it is shorter than so many seconds.
 fn laid(
     steps: &[Step],
     plans: &Plans,
     piece: &GcodePiece,
+    layer_time_min_s: f64,
     progress: &dyn Progress,
 ) -> Result<(GcodeRoute, LaidLayer), PlanError> {
-    let settings = piece.way.settings;
+    let settings = &Settings {
+        layer_time_min_s,
+        ..piece.way.settings.clone()
+    };
     with_stop_room(settings, |stop_room_rad| {
         let mut layer = LayerRoute {
             piece,

@@ -190,6 +190,44 @@ fn a_script_replaces_the_file_and_a_job_has_the_same_motion() {
     );
 }
 
+/// While a layer of supports alone is printed, the part cools: it is not slowed, and its time counts for the next layer.
+#[test]
+fn layers_of_supports_are_time_to_cool() {
+    let folder = folder("cooling");
+    let (input, output) = (folder.join("bar.gcode"), folder.join("out.gcode"));
+    let text = bar().replace(
+        "; filament used",
+        "; slowdown_below_layer_time = 12\n; filament used",
+    );
+    let [from, to] = [";Z:0.4", ";Z:0.6"].map(|mark| text.find(mark).expect("a layer"));
+    let layer: String = text[from..to]
+        .lines()
+        .map(|line| match line.strip_prefix(";TYPE:") {
+            Some(_) => ";TYPE:Support material\n".to_string(),
+            None => format!("{line}\n"),
+        })
+        .collect();
+    for (supports, slowed, times_s) in [(false, 3, 33.0..37.0), (true, 2, 22.0..27.0)] {
+        let text = match supports {
+            true => format!("{}{layer}{}", &text[..from], &text[to..]),
+            false => text.clone(),
+        };
+        std::fs::write(&input, &text).expect("written");
+        let ran = headway(&[
+            "replan",
+            path(&input),
+            "-o",
+            path(&output),
+            "--json",
+            "--force",
+        ]);
+        let figures = object(&ran);
+        assert_eq!(figures["slowed_layers"], slowed);
+        let print_s = figures["print_s_after"].as_f64().expect("seconds");
+        assert!(times_s.contains(&print_s), "{supports}: {print_s}");
+    }
+}
+
 #[test]
 fn what_cannot_be_planned_anew_is_refused_with_its_line() {
     let folder = folder("refused");
