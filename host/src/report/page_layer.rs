@@ -21,21 +21,12 @@ pub struct PageLayer<'a> {
     pub layer: u32,
     /// Which layer that is.
     pub label: String,
+    /// The layer with pictures that is planned alike, from 0.
+    pub like: Option<u32>,
     /// Its outline; nothing where it is not known.
     pub outline: &'a [Region],
     /// Its motion.
     pub motion: LayerMotion,
-}
-
-/// A layer of the job in the stack of all.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct StackedLayer {
-    /// The page's layer that shows it.
-    pub page: usize,
-    /// How much higher it is printed than that one.
-    pub up_mm: f64,
-    /// How long it takes.
-    pub seconds: f64,
 }
 
 /// What a heater or the fan is set to from a moment on.
@@ -66,8 +57,6 @@ pub struct PageFacts {
     /// Lowest and highest corner of the work area, input coordinates; `None` where the table moves the part.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bed_mm: Option<[[f64; 3]; 2]>,
-    /// Every layer of the job.
-    pub stack: Vec<StackedLayer>,
     /// In order of time.
     pub heat: Vec<HeatStep>,
 }

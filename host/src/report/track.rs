@@ -22,6 +22,8 @@ pub const NO_LIMIT: u8 = u8::MAX;
 pub struct Track {
     /// Time of the first sample in the job, s.
     pub start_s: f64,
+    /// How long the motion takes, s.
+    pub seconds: f64,
     /// Time between two samples, s.
     pub every_s: f64,
     /// Speed of the tip, mm/s.
@@ -64,6 +66,7 @@ pub fn track(of: TrackOf, limit_at: impl Fn(&Span, f64) -> Option<usize>) -> Tra
     let servo_hz = f64::from(machine.servo_hz);
     let mut track = Track {
         start_s: from as f64 / servo_hz,
+        seconds: (end - from) as f64 / servo_hz,
         every_s: every_ticks as f64 / servo_hz,
         joints_pct: joint_names(&machine.kinematics)
             .iter()

@@ -20,7 +20,7 @@ const inks = (page) => page.evaluate(() => {
 });
 
 await onPage(pathToFileURL(path.resolve(file)).href, async (page, complaints) => {
-  const data = await page.evaluate(() => ({ stack: Job.data.stack, slow: Job.data.slow_places, duration: Job.data.duration_s, rings: Job.data.layers.map((_, k) => Job.layer(k).rings.length),
+  const data = await page.evaluate(() => ({ stack: Job.stack, slow: Job.data.slow_places, duration: Job.data.duration_s, rings: Job.data.layers.map((_, k) => Job.layer(k).rings.length),
     sparse: Job.data.layers.findIndex((_, k) => Job.layer(k).path.what.includes(Job.data.whats.indexOf("sparse"))) }));
   const layers = data.stack.length;
   check(layers > 4 && data.rings.every((rings) => rings > 0), `each of ${layers} layers has its outline`);

@@ -110,15 +110,15 @@ await onPage(url, async (page, complaints, requests) => {
     check(away < 0.5, `the nozzle stands there, ${away.toFixed(3)} mm away`);
     await page.click("#fit");
   }
-  if (data.stack.length > 1) {
+  if (data.layers.length > 1) {
     const was = await clock();
-    await slide(page, "layer", data.stack.length - 1);
+    await slide(page, "layer", data.layers.length - 1);
     check(await clock() !== was, "another layer has another time");
     const top = await page.textContent("#which");
-    check(top.startsWith(`layer ${data.stack.length} of ${data.stack.length}`), `the slider says which layer: ${top}`);
+    check(top.startsWith(`layer ${data.layers.length} of ${data.layers.length}`), `the slider says which layer: ${top}`);
     await page.focus("#over");
     await page.keyboard.press("PageDown");
-    check((await page.textContent("#which")).startsWith(`layer ${data.stack.length - 1} of`), "a key changes the layer");
+    check((await page.textContent("#which")).startsWith(`layer ${data.layers.length - 1} of`), "a key changes the layer");
     await slide(page, "layer", 0);
   }
   if (data.layers[0].path.axis) {

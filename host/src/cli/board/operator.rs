@@ -11,7 +11,6 @@ use crate::cli::args::board::PortArgs;
 use crate::cli::board::heat::{heat, heaters_json};
 use crate::cli::board::talk::Talk;
 use crate::cli::error::CliError;
-use crate::cli::live::live_page::PageClock;
 use crate::cli::live::orders::{order, percent};
 use crate::cli::live::{LivePrint, Snapshot, live_page};
 use crate::cli::terminal::console::Console;
@@ -43,7 +42,7 @@ pub(crate) struct Operator<'a> {
     /// The console for messages.
     pub console: &'a Console,
     lines: Option<Receiver<String>>,
-    live: Option<(LivePrint, PageClock)>,
+    live: Option<LivePrint>,
     signals: Signals,
     /// Interrupts that were followed.
     interrupts: Cell<usize>,
@@ -71,7 +70,7 @@ impl<'a> Operator<'a> {
     pub(crate) fn of_stream(
         port: &'a PortArgs,
         console: &'a Console,
-        live: Option<(LivePrint, PageClock)>,
+        live: Option<LivePrint>,
     ) -> Operator<'a> {
         let mut operator = Operator::new(port, console);
         operator.lines = Some(lines());
@@ -82,7 +81,7 @@ impl<'a> Operator<'a> {
     /// The next request; commands of a page only once the last one is done (`is_free`), so that they do
     /// not pile up.
     pub(crate) fn next(&self, is_free: bool) -> Option<Wish> {
-        if self.live.as_ref().is_some_and(|(live, _)| live.stop()) {
+        if self.live.as_ref().is_some_and(LivePrint::stop) {
             return Some(Wish::Stop);
         }
         if self.signals.is_to_end() {
@@ -101,7 +100,7 @@ impl<'a> Operator<'a> {
                 None => return Some(Wish::Unknown),
             }
         }
-        let (live, _) = self.live.as_ref().filter(|_| is_free)?;
+        let live = self.live.as_ref().filter(|_| is_free)?;
         live.order().map(Wish::Control)
     }
 
@@ -166,17 +165,12 @@ impl<'a> Operator<'a> {
 
     /// The page, where there is one.
     pub(crate) fn page(&self) -> Option<&LivePrint> {
-        self.live.as_ref().map(|(live, _)| live)
-    }
-
-    /// The page's clock, where there is a page.
-    pub(crate) fn page_clock(&self) -> Option<&PageClock> {
-        self.live.as_ref().map(|(_, clock)| clock)
+        self.live.as_ref()
     }
 
     /// Leaves a snapshot for the page.
     pub(crate) fn publish(&self, snapshot: &Snapshot) {
-        if let Some((live, _)) = &self.live {
+        if let Some(live) = &self.live {
             live.publish(snapshot);
         }
     }
@@ -193,7 +187,7 @@ impl<'a> Operator<'a> {
 
     /// Pages that query once more get the result.
     pub(crate) fn tell_the_end(&self, result: &Result<(), CliError>, snapshot: Snapshot) {
-        let Some((live, _)) = &self.live else {
+        let Some(live) = &self.live else {
             return;
         };
         let ended = match result {

@@ -64,9 +64,6 @@ pub(crate) struct Snapshot {
     pub layers: u32,
     /// Pass from 0.
     pub pass: Option<u32>,
-    /// Which of the page's layers shows it, and the time on that layer's clock.
-    pub page_layer: usize,
-    pub page_time_s: f64,
     /// Speed of the tip.
     pub tip_mm_s: f64,
     pub override_percent: u16,

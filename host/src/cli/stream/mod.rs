@@ -218,10 +218,6 @@ impl Run<'_> {
         };
         if let Some(status) = &self.status {
             let at = self.timeline.at(status);
-            if let Some(clock) = self.operator.page_clock() {
-                (snapshot.page_layer, snapshot.page_time_s) =
-                    clock.at(at.layer, at.done * self.timeline.duration_s());
-            }
             snapshot.state = format!("{:?}", status.state).to_lowercase();
             snapshot.done = at.done;
             snapshot.left_s = at.left_s;
@@ -238,7 +234,7 @@ impl Run<'_> {
     }
 
     fn publish(&self) {
-        if self.operator.page_clock().is_some() {
+        if self.operator.page().is_some() {
             self.operator.publish(&self.snapshot());
         }
     }

@@ -1,20 +1,19 @@
 //! The layers that the report's page shows, their motion, and the data of the complete job.
 //!
-//! In: a planned job, the layers that have pictures. Out: the page's plain structs, with so few points and samples
+//! In: a planned job, the layers that have pictures; each layer is shown by its own motion. Out: the page's plain structs, with so few points and samples
 //! that the page stays below 15 MB.
 
 use crate::drive::time_by_limit::limit_at;
+use crate::job::SegmentStream;
 use crate::job::heat::{HEATER_NAMES, HeatOrder, job_events};
-use crate::job::{MotionState, SegmentStream};
 use crate::pipeline::page::pictures::ShownLayer;
 use crate::pipeline::planned::Planned;
 use crate::plan::layers::layer_groups::infills_of_layers;
 use crate::report::layer_path::{PathOf, layer_path};
-use crate::report::page_layer::{HeatStep, LayerMotion, PageFacts, PageLayer, StackedLayer};
+use crate::report::page_layer::{HeatStep, LayerMotion, PageFacts, PageLayer};
 use crate::report::pose_table::{StreamIndex, duration_ticks};
 use crate::report::track::{TrackOf, track};
 use headway_firmware::configuration::Kinematics;
-use headway_protocol::units::CHANNEL_Z;
 
 /// Most samples of the page's layers together: about 4 MB of it with seven joints.
 const SAMPLES_MAX: u64 = 120_000;
@@ -25,26 +24,13 @@ const POINTS_MAX: [u64; 2] = [700_000, 400_000];
 pub struct LayerMotions<'a> {
     planned: &'a Planned,
     index: StreamIndex<'a>,
-    /// Ticks of all layers that are shown.
-    ticks: u64,
 }
 
 impl<'a> LayerMotions<'a> {
-    pub fn of(planned: &'a Planned, shown: &[ShownLayer]) -> LayerMotions<'a> {
-        let stream = &planned.stream;
-        let long = |layer: u32| {
-            let [from, end] = ticks_of(stream, layer);
-            end.saturating_sub(from)
-        };
-        let is_all = shown.len() == 1 || !bare_layers(planned, shown).is_empty();
-        let ticks = match is_all {
-            true => duration_ticks(stream),
-            false => shown.iter().map(|shown| long(shown.layer)).sum(),
-        };
+    pub fn of(planned: &'a Planned) -> LayerMotions<'a> {
         LayerMotions {
             planned,
-            index: StreamIndex::of(stream),
-            ticks,
+            index: StreamIndex::of(&planned.stream),
         }
     }
 
@@ -52,7 +38,7 @@ impl<'a> LayerMotions<'a> {
     pub fn motion(&self, layer: u32) -> LayerMotion {
         let (stream, settings) = (&self.planned.stream, &self.planned.settings);
         let ticks = ticks_of(stream, layer);
-        let share = (ticks[1] - ticks[0]) as f64 / self.ticks.max(1) as f64;
+        let share = (ticks[1] - ticks[0]) as f64 / duration_ticks(stream).max(1) as f64;
         let of = TrackOf {
             stream,
             settings,
@@ -75,23 +61,33 @@ impl<'a> LayerMotions<'a> {
         }
     }
 
-    /// Layers that the pictures leave out and that are like none of those shown: a part's, or those of a job
-    /// that came without its settings.
+    /// Layers that the pictures leave out.
     pub fn more(&self, shown: &[ShownLayer]) -> Vec<PageLayer<'a>> {
         let planned = self.planned;
         let layers = planned.stream.layers();
+        let kinds = kinds_of_layers(planned);
+        let kind = |layer: u32| kinds.get(layer as usize);
+        let alike = |layer: u32| shown.iter().find(|shown| kind(shown.layer) == kind(layer));
         let more = bare_layers(planned, shown).into_iter();
-        more.map(|layer| PageLayer {
-            layer,
-            label: format!("layer {} of {layers}", layer + 1),
-            outline: planned.outline_of(layer),
-            motion: self.motion(layer),
+        more.map(|layer| {
+            let like = (kinds.len() == layers as usize)
+                .then(|| alike(layer))
+                .flatten();
+            let like = like.map(|shown| shown.layer);
+            let words = like.map_or(String::new(), |like| format!(", like layer {}", like + 1));
+            PageLayer {
+                layer,
+                label: format!("layer {} of {layers}{words}", layer + 1),
+                like,
+                outline: planned.outline_of(layer),
+                motion: self.motion(layer),
+            }
         })
         .collect()
     }
 
     /// What the page is told of the whole job.
-    pub fn facts(&self, shown: &[ShownLayer]) -> PageFacts {
+    pub fn facts(&self) -> PageFacts {
         let planned = self.planned;
         let (settings, stream) = (&planned.settings, &planned.stream);
         let servo_hz = f64::from(settings.machine.servo_hz);
@@ -114,59 +110,9 @@ impl<'a> LayerMotions<'a> {
                     .work_area_mm
                     .map(|corner| planned.transform.to_input(corner))
             }),
-            stack: self.stack(shown, servo_hz),
             heat: heat(planned, servo_hz),
         }
     }
-
-    /// Every layer of the job by the one that shows it.
-    fn stack(&self, shown: &[ShownLayer], servo_hz: f64) -> Vec<StackedLayer> {
-        let stream = &self.planned.stream;
-        let (of_page, page_of) = page_layers(self.planned, shown);
-        let up_mm = |layer: u32| {
-            let [from, end] = ticks_of(stream, layer);
-            let marks = stream.marks.iter();
-            let first = marks.skip(stream.marks.partition_point(|mark| mark.end_tick <= from));
-            let first = first.take_while(|mark| mark.start_tick < end);
-            let mut first = first.filter(|mark| mark.state == MotionState::Print);
-            let tick = first.next().map_or(from, |mark| mark.start_tick);
-            let span = self.index.spans_from(tick).next();
-            span.map_or(0.0, |span| {
-                span.position(tick.saturating_sub(span.start_tick) as f64)[CHANNEL_Z]
-            })
-        };
-        let stacked = (0u32..).zip(page_of).map(|(layer, page)| {
-            let [from, end] = ticks_of(stream, layer);
-            let shown = of_page.get(page).copied().unwrap_or(layer);
-            StackedLayer {
-                page,
-                up_mm: if shown == layer {
-                    0.0
-                } else {
-                    up_mm(layer) - up_mm(shown)
-                },
-                seconds: (end - from) as f64 / servo_hz,
-            }
-        });
-        stacked.collect()
-    }
-}
-
-/// The layers of the page in its order, and for each layer of the job which of them shows it.
-pub fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>, Vec<usize>) {
-    let mut of_page: Vec<u32> = shown.iter().map(|shown| shown.layer).collect();
-    of_page.extend(bare_layers(planned, shown));
-    of_page.sort_unstable();
-    let kinds = kinds_of_layers(planned);
-    let layers = planned.stream.layers();
-    let alike = |a: u32, b: u32| match kinds.len() == layers as usize {
-        true => kinds.get(a as usize) == kinds.get(b as usize),
-        false => a == b,
-    };
-    let page_of = |layer| of_page.iter().position(|&page| alike(page, layer));
-    let page_of = (0..layers).map(|layer| page_of(layer).unwrap_or(0));
-    let page_of = page_of.collect();
-    (of_page, page_of)
 }
 
 /// For each layer the number of its kind; none where all layers differ, as those of a slicer's file do, which has no
@@ -187,21 +133,18 @@ pub fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
     }
 }
 
-/// Numbers of the layers that have no pictures and differ from all that have.
+/// Numbers of the layers that have no pictures.
 fn bare_layers(planned: &Planned, shown: &[ShownLayer]) -> Vec<u32> {
     let Some(lowest) = shown.first() else {
         return Vec::new();
     };
-    let (layers, stream) = (planned.stream.layers(), &planned.stream);
-    if kinds_of_layers(planned).len() == layers as usize {
-        return Vec::new();
-    }
+    let stream = &planned.stream;
     let moves = |layer: &u32| {
         let [from, end] = stream.ticks_of_layer(*layer);
         from < end
     };
     let is_bare = |layer: &u32| shown.iter().all(|shown| shown.layer != *layer);
-    let bare = (lowest.layer + 1..layers).filter(is_bare);
+    let bare = (lowest.layer + 1..stream.layers()).filter(is_bare);
     bare.filter(moves).collect()
 }
 

@@ -11,7 +11,7 @@ use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::job::transform::PartTransform;
 use crate::job::{MotionState, SegmentStream};
-use crate::pipeline::page::layers::{self, LayerMotions, kinds_of_layers};
+use crate::pipeline::page::layers::{LayerMotions, kinds_of_layers};
 use crate::pipeline::planned::Planned;
 use crate::plan::judge::measure::{MeasuredPrint, measure};
 use crate::plan::judge::region_raster::RegionRaster;
@@ -107,15 +107,10 @@ pub fn inline_page(planned: &Planned) -> String {
     with_report(planned, inline_html)
 }
 
-/// The layers of the page in its order, and for each layer of the job which of them shows it.
-pub fn page_layers(planned: &Planned) -> (Vec<u32>, Vec<usize>) {
-    layers::page_layers(planned, &shown_layers(planned))
-}
-
 fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
     let shown = shown_layers(planned);
     let rasters = rasters(planned, &shown);
-    let motions = LayerMotions::of(planned, &shown);
+    let motions = LayerMotions::of(planned);
     let drawn = shown.iter().zip(rasters).map(|(shown, swept)| DrawnLayer {
         layer: shown.layer,
         label: &shown.label,
@@ -130,7 +125,7 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
         figures: &planned.figures,
         layers: drawn.collect(),
         more_layers: motions.more(&shown),
-        facts: motions.facts(&shown),
+        facts: motions.facts(),
         notes: &planned.notes,
         machine: MachineLinks::of(&machine, settings, &planned.transform),
         servo_hz: f64::from(settings.machine.servo_hz),

@@ -60,7 +60,11 @@ struct Layer<'a> {
     label: &'a str,
     /// Layer of the job, from 0.
     number: u32,
+    /// The layer that it is planned like, from 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    like: Option<u32>,
     start_s: f64,
+    seconds: f64,
     every_s: f64,
     path: Path,
     speed: Column,
@@ -110,7 +114,10 @@ pub fn json(report: &Report) -> String {
     let mut layers: Vec<Layer> = drawn.collect();
     layers.extend(report.more_layers.iter().map(|more| {
         let outline = outlines.number(more.outline);
-        layer(&more.label, more.layer, &more.motion, outline)
+        Layer {
+            like: more.like,
+            ..layer(&more.label, more.layer, &more.motion, outline)
+        }
     }));
     layers.sort_by_key(|layer| layer.number);
     let first = report.layers.first();
@@ -189,7 +196,9 @@ fn layer<'a>(
     Layer {
         label,
         number,
+        like: None,
         start_s: track.start_s,
+        seconds: track.seconds,
         every_s: track.every_s,
         path: path(&motion.path),
         speed: Column::of(&track.speed_mm_s),

@@ -360,6 +360,38 @@ fn layers_are_in_everything_that_tells_of_them() {
     std::fs::remove_dir_all(folder).expect("clean up");
 }
 
+/// Goal: the page shows each layer by its own motion, layers planned alike too. Method: the data of a page of three
+/// alike layers: each begins when the one below ends,
+/// and only the first comes from the home position.
+#[test]
+fn the_page_shows_alike_layers_by_their_own_motion() {
+    let folder = folder("alike");
+    let report = folder.join("report");
+    let taper = example("taper.json");
+    let input = ["simulate", &taper, "--layers", "3", "--layer-height", "0.2"];
+    succeeded(&headway(
+        &[&input[..], &["--report", path(&report)]].concat(),
+    ));
+    let page = std::fs::read_to_string(report.join("index.html")).expect("page");
+    let (_, block) = page.split_once("id=\"data\">").expect("data");
+    let (block, _) = block.split_once("</script>").expect("its end");
+    let block: serde_json::Value = serde_json::from_str(block).expect("JSON");
+    let layers = block["layers"].as_array().expect("layers");
+    let label = |layer: usize| layers[layer]["label"].as_str().expect("a label");
+    assert_eq!((layers.len(), label(2)), (3, "layer 3 of 3, like layer 1"));
+    let number = |layer: usize, key: &str| layers[layer][key].as_f64().expect(key);
+    for layer in 1..3 {
+        let below_s = number(layer - 1, "start_s") + number(layer - 1, "seconds");
+        assert!(
+            (number(layer, "start_s") - below_s).abs() < 1e-9,
+            "{}",
+            label(layer)
+        );
+    }
+    assert!(number(1, "seconds") < number(0, "seconds"));
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
 /// A bad line costs time, never a step.
 #[test]
 fn a_bad_line_changes_no_step() {

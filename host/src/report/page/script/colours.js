@@ -19,9 +19,8 @@ const Colours = (() => {
     order: { name: "order", unit: "s" },
     limit: { name: "what limits it", inks: NAMED },
   };
-  if (new Set(Job.stack.map((entry) => entry.page)).size > 1) modes.layer = { name: "time of the layer", unit: "s" };
+  if (Job.stack.length > 1) modes.layer = { name: "time of the layer", unit: "s" };
   for (const name of new Set((data.heat || []).map((step) => step.name))) modes[`heat ${name}`] = { name: name.split(",")[0], unit: name.split(", ")[1], heat: name };
-  const secondsOf = new Map(Job.stack.map((entry) => [data.layers[entry.page].number === entry.number ? entry.page : -1, entry.seconds]));
   // The limits that bind most get colours of their own; nothing has the last one, grey.
   function limitInks(l) {
     if (l.ink) return l.ink;
@@ -63,7 +62,7 @@ const Colours = (() => {
       const way = () => Math.hypot(p.x[k + 1] - p.x[k], p.y[k + 1] - p.y[k], p.z[k + 1] - p.z[k]);
       out[k] = key === "what" ? p.what[k] : key === "limit" ? ink[l.limit[sample]] : key === "speed" ? (long > 0 ? way() / long : 0)
         : key === "width" ? width[k] : key === "heading" ? (p.heading[k] + p.heading[k + 1]) * 90 / Math.PI : key === "flow" ? l.flow[sample]
-        : key === "cost" ? long / Math.max(way() * width[k], 0.05 * long) : key === "order" ? p.t[k] : key === "layer" ? secondsOf.get(l.page) ?? l.seconds
+        : key === "cost" ? long / Math.max(way() * width[k], 0.05 * long) : key === "order" ? p.t[k] : key === "layer" ? data.layers[l.page].seconds
         : heatAt(modes[key].heat, p.t[k]);
     }
     known.set(id, out);

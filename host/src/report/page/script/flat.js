@@ -220,7 +220,7 @@ const Flat = (() => {
     const c = base.getContext("2d");
     c.fillStyle = "#fff"; c.fillRect(0, 0, base.width, base.height);
     if (!View.flat() && Stack.works) return;
-    const { shown, layer } = Ui, flat = View.flat(), first = layer.page === 0;
+    const { shown, layer } = Ui, flat = View.flat(), first = layer.like === data.layers[0].number;
     drawBed(c);
     if (data.keep_out.length) lines(c, data.keep_out, "#a0aec0", 3, true);
     if (flat && layer.rings.length) { c.save(); inMillimetres(c); c.beginPath(); rings(c, layer.rings); c.fillStyle = "#eef2f6"; c.fill("evenodd"); c.restore(); }

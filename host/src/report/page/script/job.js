@@ -48,7 +48,7 @@ const Job = (() => {
     return opened.get(number);
   }
   function open(source, page) {
-    const l = { page, label: source.label, number: source.number, start: source.start_s, every: source.every_s, ground: source.ground, path: path(source.path) };
+    const l = { page, label: source.label, number: source.number, like: source.like ?? source.number, start: source.start_s, every: source.every_s, ground: source.like === undefined ? source.ground : data.layers.find(({ number }) => number === source.like).ground, path: path(source.path) };
     for (const name of ["speed", "flow"]) l[name] = values(source[name]);
     l.joints = source.joints.map((joint) => ({ name: joint.name, value: values(joint) }));
     l.jointsAt = source.joints_at.map(values); l.jointsEvery = source.joints_every;
@@ -101,7 +101,7 @@ const Job = (() => {
     return [x - a * by, y - b * by, z - (c + 1) * by + 2 * along];
   }
   const prints = (what) => what < TRAVEL;
-  // The layers of the job, each by the page's layer that shows it; without those that have nothing.
-  const stack = (data.stack || []).map((entry, number) => ({ ...entry, number })).filter((entry) => entry.seconds > 0 && data.layers[entry.page]);
+  // The layers of the job that have something.
+  const stack = data.layers.map(({ number, seconds }, page) => ({ page, number, seconds })).filter((entry) => entry.seconds > 0);
   return { data, NONE, TRAVEL, layer, steps, pointAt, poseAt, prints, stack, tilted, upright };
 })();

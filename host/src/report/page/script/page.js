@@ -3,7 +3,7 @@
 const Page = (() => {
   const { data } = Job;
   if (!data.layers.length) return {};
-  const { base, over, ratio } = View, stack = Job.stack.length ? Job.stack : [{ page: 0, up_mm: 0, seconds: data.duration_s, number: 0 }];
+  const { base, over, ratio } = View, stack = Job.stack.length ? Job.stack : [{ page: 0, seconds: data.duration_s, number: 0 }];
   const starts = stack.map(() => 0);
   stack.forEach((entry, k) => { if (k) starts[k] = starts[k - 1] + stack[k - 1].seconds; });
   let current = 0, pending = 0;
@@ -28,10 +28,10 @@ const Page = (() => {
     moment();
   }
   function choose(k, keepView) {
-    const entry = stack[k], own = data.layers[entry.page].number === entry.number;
+    const entry = stack[k];
     current = k;
-    Ui.layer = Job.layer(entry.page); Ui.up = entry.up_mm; Ui.number = entry.number; Ui.start = starts[k]; Ui.at = 0;
-    const label = own ? Ui.layer.label : `layer ${entry.number + 1} of ${data.layers.length > 1 || stack.length > 1 ? stack.at(-1).number + 1 : 1}, like layer ${Ui.layer.number + 1}`;
+    Ui.layer = Job.layer(entry.page); Ui.number = entry.number; Ui.start = starts[k]; Ui.at = 0;
+    const { label } = Ui.layer;
     $("layer").value = k; $("which").textContent = label; $("layer").setAttribute("aria-valuetext", label);
     if (Number($("low").value) > k) lowest(k);
     $("time").max = Ui.layer.count - 1;
@@ -72,7 +72,7 @@ const Page = (() => {
     return [(ax + along * dx - x) ** 2 + (ay + along * dy - y) ** 2, along];
   }
   function pick(x, y) {
-    const px = (p, k) => View.px(p.x[k], p.y[k], p.z[k] + Ui.up);
+    const px = (p, k) => View.px(p.x[k], p.y[k], p.z[k]);
     const [at, least] = nearest((p, k) => toSegment(x, y, px(p, k), px(p, k + 1)));
     if (least < (30 * ratio()) ** 2) go(at);
   }
@@ -183,7 +183,7 @@ const Page = (() => {
     });
     // Where a print is, from the bar of a served page.
     document.addEventListener("print-at", (e) => {
-      const { layer, time_s } = e.detail, k = stack.findIndex((entry) => entry.page === layer && data.layers[layer].number === entry.number);
+      const { layer, time_s } = e.detail, k = stack.findIndex((entry) => entry.number === layer);
       if (Ui.playing || k < 0) return;
       if (current !== k) choose(k);
       go((time_s - Ui.layer.start) / Ui.layer.every);

@@ -14,7 +14,7 @@ const Panel = (() => {
   function now() {
     const { layer } = Ui, i = Math.min(Math.floor(Ui.at), layer.count - 1), pose = Job.poseAt(layer, Ui.time), limit = layer.limit[i];
     const prints = Job.prints(pose.what), what = data.whats[pose.what] || "hold";
-    const rows = [["Head", what === "bead" ? "print" : prints ? `print, ${what}` : what], ["Place", `${pose.x.toFixed(2)}, ${pose.y.toFixed(2)}, ${(pose.z + Ui.up).toFixed(2)} mm`],
+    const rows = [["Head", what === "bead" ? "print" : prints ? `print, ${what}` : what], ["Place", `${pose.x.toFixed(2)}, ${pose.y.toFixed(2)}, ${pose.z.toFixed(2)} mm`],
       ["Speed", `${number(layer.speed[i])} mm/s`], ["Bead", prints ? `${Colours.widths(layer)[pose.k].toFixed(2)} mm` : "none"],
       ["Heading", `${(Colours.mod(pose.heading * 180 / Math.PI, 360) % 359.95).toFixed(1)}°`], ["Flow", `${number(layer.flow[i])} mm³/s`],
       ["Limited by", limit === 255 ? "nothing" : data.limits[limit]]];
@@ -116,7 +116,7 @@ const Panel = (() => {
   }
   function drawOver() {
     const c = View.over.getContext("2d"), r = View.ratio(), pose = Job.poseAt(Ui.layer, Ui.time), cos = Math.cos(pose.heading), sin = Math.sin(pose.heading);
-    const at = [pose.x, pose.y, pose.z + Ui.up], px = (v, by = 1) => View.px(...at.map((a, i) => a + by * v[i]));
+    const at = [pose.x, pose.y, pose.z], px = (v, by = 1) => View.px(...at.map((a, i) => a + by * v[i]));
     c.clearRect(0, 0, View.over.width, View.over.height);
     drawMachine(c); drawAxes(c);
     c.beginPath();

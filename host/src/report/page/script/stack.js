@@ -132,12 +132,8 @@ void main() { colour = tint; gl_Position = seen(at); }`;
     const at = new Float32Array(room(nodes)), axis = tilts ? new Float32Array(room(nodes)) : null, travel = new Float32Array(3 * Math.max(ways, 2));
     let below = null;
     for (const entry of places) {
-      const of = nodesOf(Job.layer(entry.page)), top = View.box(Job.layer(entry.page))[2][1] + entry.up_mm;
+      const of = nodesOf(Job.layer(entry.page)), top = View.box(Job.layer(entry.page))[2][1];
       at.set(of.at, 4 * entry.node); axis?.set(of.axis, 4 * entry.node); travel.set(of.travel, 3 * entry.way);
-      if (entry.up_mm) {
-        for (let k = 0; k < of.segment.length; k++) at[4 * (entry.node + k) + 2] += entry.up_mm;
-        for (let k = 0; k < entry.ways; k++) travel[3 * (entry.way + k) + 2] += entry.up_mm;
-      }
       const step = below === null ? (data.bed_mm ? top - data.bed_mm[0][2] : data.bead_mm) : top - below;
       entry.height = step > 0.02 && step < 2.5 * data.bead_mm && places.length > 1 ? step : data.bead_mm;
       below = top;

@@ -53,12 +53,12 @@ const View = (() => {
   }
   // The stack's boxes: of the layer that is shown alone, or of all that are shown.
   function boxes() {
-    if (flat() || !Stack.works) return [[box(Ui.layer), 0]];
-    return Stack.entries().map((entry) => [box(Job.layer(entry.page)), entry.up_mm]);
+    if (flat() || !Stack.works) return [box(Ui.layer)];
+    return Stack.entries().map((entry) => box(Job.layer(entry.page)));
   }
   function fit() {
     let ends = [0, 1, 2].map(() => [Infinity, -Infinity]);
-    for (const [of, up] of boxes()) ends = ends.map(([low, high], i) => [Math.min(low, of[i][0] + (i === 2 ? up : 0)), Math.max(high, of[i][1] + (i === 2 ? up : 0))]);
+    for (const of of boxes()) ends = ends.map(([low, high], i) => [Math.min(low, of[i][0]), Math.max(high, of[i][1])]);
     if (ends[0][0] > ends[0][1]) ends = [[0, 10], [0, 10], [0, 0]];
     v.middle = ends.map(([low, high]) => (low + high) / 2);
     moveMachine();
