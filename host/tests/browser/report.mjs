@@ -110,6 +110,16 @@ await onPage(url, async (page, complaints, requests) => {
     check(away < 0.5, `the nozzle stands there, ${away.toFixed(3)} mm away`);
     await page.click("#fit");
   }
+  // The plots tell what the curves reach, without the room above them.
+  const [reaches, tells] = await page.evaluate(() => {
+    const drawText = CanvasRenderingContext2D.prototype.fillText, texts = [];
+    CanvasRenderingContext2D.prototype.fillText = function (text, ...at) { texts.push(text); drawText.call(this, text, ...at); };
+    Plots.whole();
+    CanvasRenderingContext2D.prototype.fillText = drawText;
+    const at = texts.indexOf("Joint speeds, % of each limit");
+    return [Math.max(...Ui.layer.joints.map((joint) => Math.max(...joint.value))), Number(texts[at + 1].split(" to ")[1])];
+  });
+  check(Math.abs(reaches - tells) < 0.01 * reaches && tells < 100, `joints reach ${tells} % of a limit`);
   if (data.layers.length > 1) {
     const was = await clock();
     await slide(page, "layer", data.layers.length - 1);

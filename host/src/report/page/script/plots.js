@@ -51,6 +51,8 @@ const Plots = (() => {
     const curves = panel.curves();
     let low = Infinity, high = -Infinity;
     for (const curve of curves) for (let i = Math.floor(span[0]); i <= span[1]; i++) { if (curve.value[i] < low) low = curve.value[i]; if (curve.value[i] > high) high = curve.value[i]; }
+    const between = `${number(low)} to ${number(high)}`;
+    // Room for the line of the limit.
     if (panel.limit && high > 0.6 * panel.limit) high = Math.max(high, 1.05 * panel.limit);
     if (!(high > low)) { high = low + 1; }
     const top = 24 * ratio(), foot = panel.last ? h - 20 * ratio() : h, r = ratio();
@@ -96,7 +98,6 @@ const Plots = (() => {
     c.fillText(panel.title, 8 * r, 16 * r);
     const right = c.measureText(panel.title).width + 20 * r;
     c.font = `${12 * r}px system-ui,sans-serif`; c.fillStyle = "#4a5568";
-    const between = `${number(low)} to ${number(high)}`;
     c.fillText(between, right, 16 * r);
     const named = curves.map((curve, k) => [curve.name, Panel.INKS[k % Panel.INKS.length]]).filter(([name]) => name);
     let left = w - named.reduce((sum, [name]) => sum + c.measureText(name).width + 24 * r, 4 * r);
