@@ -121,6 +121,12 @@ await onPage(url, async (page, complaints, requests) => {
   });
   check(Math.abs(reaches - tells) < 0.01 * reaches && tells < 100, `joints reach ${tells} % of a limit`);
   if (data.layers.length > 1) {
+    await page.evaluate(() => window.scrollTo(0, 0));
+    const size = page.viewportSize();
+    await page.setViewportSize({ width: 1400, height: 1000 });
+    const slider = await page.locator("#layer").boundingBox();
+    check(slider.y + slider.height < 1000, `the layers' slider is on the first screen, at ${Math.round(slider.y)}`);
+    await page.setViewportSize(size);
     const was = await clock();
     await slide(page, "layer", data.layers.length - 1);
     check(await clock() !== was, "another layer has another time");
