@@ -67,7 +67,8 @@ pub enum SenderError {
     },
     /// Other machine.
     #[error(
-        "the job was planned for machine {job:08x}, the controller is configured as {device:08x}; plan again with its machine file"
+        "the job was planned for machine {job:08x}, the controller is configured as {device:08x}; if \
+         `headway board configure` has changed that since its start, switch it off and on, else plan again with its machine file"
     )]
     Machine {
         /// The job's.

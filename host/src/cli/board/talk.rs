@@ -121,7 +121,7 @@ impl<'o> Talk<'o> {
         match &self.welcome {
             Some(welcome) if welcome.machine_hash != ours => Err(CliError::Job(format!(
                 "the board is configured for machine {:08x}, the machine file says {ours:08x}; give \
-                 the board's own (--machine)",
+                 the board's own (--machine), or switch it off and on if it was configured with this one since its start",
                 welcome.machine_hash
             ))),
             _ => Ok(()),

@@ -305,6 +305,9 @@ impl Run<'_> {
                 self.status = Some(status);
                 self.publish();
             }
+            // What ends the stream is reported at its end.
+            SenderEvent::Refused(_) | SenderEvent::Fault(_)
+                if matches!(self.sender.state(), SenderState::Failed(_)) => {}
             SenderEvent::Refused(refusal) => self.tell(format!("refused: {}", refusal.reason)),
             SenderEvent::Fault(fault) => self.tell(format!("fault: {fault}")),
             SenderEvent::Taken(control) => {

@@ -160,6 +160,8 @@ fn a_board_keeps_the_machine_that_it_is_configured_for() {
     let done = headway(&["board", "configure", &gantry, "--port", &port]);
     assert!(done.status.success(), "{}", stderr(&done));
     assert_eq!(hash(&port), before, "in force from the next start");
+    let refused = stderr(&headway(&["stream", &gantry_job, "--port", &port]));
+    assert!(refused.contains("switch it off and on"), "{refused}");
     board.interrupt();
     board.end();
 

@@ -135,6 +135,9 @@ fn a_homed_machine_goes_to_the_job_before_it_prints_it() {
     // It stands at its switches: the job begins elsewhere.
     let refused = ask(&["stream", &job]);
     assert!(!refused.status.success());
+    let told = stderr(&refused);
+    assert!(told.contains("not where the job begins"), "{told}");
+    assert!(!told.contains("refused"), "told once: {told}");
     let gone = ask(&["board", "go", &job]);
     assert!(gone.status.success(), "{}", stderr(&gone));
     assert_eq!(object(&ask(&["stream", &job, "--json"]))["done"], true);
