@@ -50,6 +50,8 @@ pub struct TimeByLimit {
     pub ratios: [f64; 3],
     /// Largest heading rate.
     pub heading_rate_max_rad_s: f64,
+    /// Largest flow.
+    pub flow_max_mm3_s: f64,
     /// Heading travelled in all.
     pub heading_travel_rad: f64,
 }
@@ -138,6 +140,7 @@ impl TimeTally {
         let whole = &mut self.whole;
         let heading_rad_s = moment.velocity[CHANNEL_HEADING].abs();
         whole.heading_rate_max_rad_s = whole.heading_rate_max_rad_s.max(heading_rad_s);
+        whole.flow_max_mm3_s = (whole.flow_max_mm3_s).max(moment.velocity[CHANNEL_VOLUME]);
         binding(moment, tip_mm_s, settings, |derivative, used| {
             let ratio = used / settings.plan_share;
             let most = &mut whole.ratios[derivative];

@@ -12,6 +12,7 @@ use crate::job::file::JobHeader;
 use crate::job::heat::{self, HEAT_TEXT, job_events};
 use crate::job::spool::{JobSpool, SpoolError, SpooledJob};
 use crate::pipeline::findings::objections::Objection;
+use crate::pipeline::findings::settings_warnings::fast_melt;
 use crate::pipeline::findings::time_figures;
 use crate::pipeline::planned::Planned;
 use crate::report::figures::Figures;
@@ -104,6 +105,8 @@ impl<F: Read + Write + Seek> JobPacking<F> {
             bytes_per_s: Some(bytes as f64 / print_s.max(1e-9)),
             ..time_figures(packed.times.clone(), &planned.transform)
         });
+        let fast = fast_melt(packed.times.flow_max_mm3_s, &planned.settings);
+        planned.objections.splice(0..0, fast);
         if let Some(refused) = &packed.refused {
             let fault = Objection::of_board(refused, &planned.transform, &planned.settings);
             planned.objections.insert(0, fault);

@@ -146,6 +146,7 @@ keys! {
         pause_heat_max_min: Known = pause_heat_max_min, Within(0.0, PAUSE_HEAT_MAX_MIN_MOST);
         density_g_cm3: Known = density_g_cm3, Within(1e-3, 30.0);
         price_per_kg: Known = price_per_kg, Within(1e-3, 1e6);
+        melt_max_mm3_s: Known = melt_max_mm3_s, Above0(MELT_SPEED_RANGE);
         diameter_mm: Known = diameter_mm, Within(1e-3, 20.0);
     }
 }

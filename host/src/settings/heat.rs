@@ -26,6 +26,8 @@ pub struct Material {
     pub density_g_cm3: Option<f64>,
     /// Price of a kilogram, in whatever money: the figures tell what the material costs.
     pub price_per_kg: Option<f64>,
+    /// Flow that the hot end melts, mm³/s: a plan with more is reported.
+    pub melt_max_mm3_s: Option<f64>,
     /// Diameter of the filament: the figures tell its length.
     pub diameter_mm: Option<f64>,
 }

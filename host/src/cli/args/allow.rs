@@ -37,6 +37,8 @@ pub(crate) enum RefuseName {
     Options,
     /// A layer is higher than 0.8 of the narrowest bead.
     LayerHeight,
+    /// The flow is more than melt_max_mm3_s of the material.
+    Melt,
     /// An area of a layer lies on nothing.
     Floating,
 }

@@ -28,6 +28,8 @@ pub enum ObjectionKind {
     Options,
     /// Layers are too high for the narrowest bead; refuses the job only on request.
     LayerHeight,
+    /// The flow is more than the hot end melts; refuses the job only on request.
+    Melt,
     /// A layer has an area that lies on nothing; refuses the job only on request.
     Floating,
     /// The ratio of outside to inside of a bead in a curve is too large; refuses the job only on request.
@@ -55,6 +57,7 @@ impl ObjectionKind {
             ObjectionKind::Options => "options",
             ObjectionKind::Floating => "floating",
             ObjectionKind::LayerHeight => "layer-height",
+            ObjectionKind::Melt => "melt",
         }
     }
 

@@ -35,6 +35,19 @@ pub(super) fn high_layers(height_mm: f64, settings: &Settings) -> Option<Objecti
     })
 }
 
+/// A flow that the material's `melt_max_mm3_s` does not allow.
+pub(crate) fn fast_melt(flow_mm3_s: f64, settings: &Settings) -> Option<Objection> {
+    let most_mm3_s = settings.material?.melt_max_mm3_s?;
+    let [flow, most] = [flow_mm3_s, most_mm3_s].map(Short);
+    (flow_mm3_s > most_mm3_s * (1.0 + 1e-3)).then(|| Objection {
+        kind: ObjectionKind::Melt,
+        text: format!(
+            "MELT: the flow reaches {flow} mm³/s, and the hot end melts {most} mm³/s of this material (melt_max_mm3_s): print \
+             slower (--speed), or give a lower flow_max_mm3_s in [flow]"
+        ),
+    })
+}
+
 fn weak_motor(settings: &Settings) -> Option<String> {
     let (motor, is_above) = settings.heading_motor_text()?;
     is_above.then(|| format!("{motor}, which is more: it would lose steps"))

@@ -3,6 +3,7 @@
 
 use crate::rig::{box_triangles, folder, headway, object, path, stderr, stl, succeeded};
 use headway::api::OPTION_NAMES;
+use headway::settings::{Settings, machine_file};
 use std::path::Path;
 
 /// A value for each option that is not the default's.
@@ -192,6 +193,26 @@ fn layers_that_no_nozzle_lays_are_told() {
             );
         }
     }
+}
+
+/// Goal: a flow that the material's hot end does not melt is the first reason not to start, and refuses on request. Method: a
+/// strip with bounds far below and above its flow.
+#[test]
+fn a_flow_that_no_hot_end_melts_is_told() {
+    let folder = folder("melt");
+    let strip = outline(&folder, "[[0, 0], [6, 0], [6, 0.9], [0, 0.9]]");
+    let machine = folder.join("machine.toml");
+    let asked = |most: &str, more: &[&str]| {
+        let own = machine_file::to_new_toml(&Settings::planar());
+        let text = format!("{own}\n[material]\nhot_end_c = 0\nmelt_max_mm3_s = {most}\n");
+        std::fs::write(&machine, text).expect("written");
+        planned(&folder, &[&[&strip, "-m", path(&machine)], more])
+    };
+    let reasons = |most: &str| object(&asked(most, &[]))["verdict"]["reasons"].to_string();
+    assert!(!reasons("1000").contains("MELT"));
+    let told = reasons("0.1");
+    assert!(told.starts_with("[\"MELT: the flow reaches "), "{told}");
+    assert_eq!(asked("0.1", &["--refuse=melt"]).status.code(), Some(1));
 }
 
 /// Goal: what lies on nothing is a reason not to start, with its place, and refuses on request. Method: a plate above
