@@ -153,7 +153,8 @@ impl Comments {
         };
         let value = value.trim();
         match key.trim() {
-            "TYPE" | "FEATURE" => {
+            // Those of Headway's own exports are for viewers.
+            "TYPE" | "FEATURE" if self.slicer != Slicer::Headway => {
                 self.hint.is_inside = is_inside(value);
                 self.hint.kind = bead_kind(value);
             }

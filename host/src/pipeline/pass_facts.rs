@@ -4,8 +4,10 @@
 //! them. Out: a closure that says both of every point of the path, in order, and that text.
 
 use crate::gcode::{BeadKind, GcodePass, Leg};
+use crate::job::file::JobHeader;
 use crate::job::{Mark, MotionState};
 use crate::pipeline::layer_uses::{PassUse, Use};
+use crate::report::job_texts::{LATER_KINDS_TEXT, PASS_KINDS_TEXT};
 use crate::report::layer_path::{PathPoint, What};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -13,14 +15,14 @@ use std::collections::BTreeMap;
 /// How much farther along a file's pass a point may be than it is from the point before, mm: what corners are rounded
 /// by. A loop that is closed ends where it begins; the end is not considered too early.
 const AHEAD_MM: f64 = 0.5;
-/// Kinds of passes as a job file has them.
-const LETTERS: [(char, What); 6] = [
-    ('w', What::Wall),
-    ('f', What::Solid),
-    ('s', What::Sparse),
-    ('b', What::Bridge),
-    ('k', What::Skirt),
-    ('u', What::Support),
+/// Kinds of passes as a job file has them, and in PrusaSlicer's words.
+const LETTERS: [(char, What, &str); 6] = [
+    ('w', What::Wall, "Perimeter"),
+    ('f', What::Solid, "Solid infill"),
+    ('s', What::Sparse, "Internal infill"),
+    ('b', What::Bridge, "Bridge infill"),
+    ('k', What::Skirt, "Skirt/Brim"),
+    ('u', What::Support, "Support material"),
 ];
 const UNKNOWN_LETTER: char = '-';
 
@@ -116,11 +118,19 @@ impl PassFacts {
         is_known.then_some(text)
     }
 
+    /// What a job's header has of them.
+    pub fn of_job(header: &JobHeader) -> PassFacts {
+        let text = |key: &str| header.texts.get(key).map(String::as_str);
+        text(PASS_KINDS_TEXT).map_or(PassFacts::Unknown, |kinds| {
+            PassFacts::of_texts(kinds, text(LATER_KINDS_TEXT))
+        })
+    }
+
     /// What [`PassFacts::text`] and [`PassFacts::later_text`] wrote; another letter is a bead of which no more is known.
-    pub fn of_texts(text: &str, later: Option<&str>) -> PassFacts {
+    fn of_texts(text: &str, later: Option<&str>) -> PassFacts {
         let what = |letter: char| {
-            let known = LETTERS.iter().find(|(of, _)| *of == letter);
-            known.map_or(What::Bead, |(_, what)| *what)
+            let known = LETTERS.iter().find(|(of, ..)| *of == letter);
+            known.map_or(What::Bead, |(_, what, _)| *what)
         };
         let rows = later.and_then(|later| serde_json::from_str(later).ok());
         let rows: Vec<(u32, u64, char)> = rows.unwrap_or_default();
@@ -128,6 +138,28 @@ impl PassFacts {
             .iter()
             .map(|(pass, ticks, letter)| ((*pass, *ticks), what(*letter)));
         PassFacts::Kinds(text.chars().map(what).collect(), later.collect())
+    }
+
+    /// Kinds in a slicer's words, each from a servo tick on; on each layer anew.
+    pub fn slicer_words(&self, marks: &[Mark]) -> Vec<(u64, &'static str)> {
+        let mut words = Vec::new();
+        let mut before = None;
+        for mark in marks.iter().filter(|mark| mark.state == MotionState::Print) {
+            let (PassFacts::Kinds(kinds, later), Some(pass)) = (self, mark.pass) else {
+                continue;
+            };
+            let first = kinds.get(pass as usize).map(|what| (0, *what));
+            let then = later.range((pass, 0)..=(pass, u64::MAX));
+            let then = then.map(|((_, ticks), what)| (*ticks, *what));
+            for (ticks, what) in first.into_iter().chain(then) {
+                let word = LETTERS.iter().find(|(_, of, _)| *of == what);
+                if let (Some((.., word)), true) = (word, before != Some((mark.layer, what))) {
+                    words.push((mark.start_tick + ticks, *word));
+                }
+                before = Some((mark.layer, what));
+            }
+        }
+        words
     }
 
     /// What the head does from a point on, and its line.
@@ -216,8 +248,8 @@ fn followed(pass: &GcodePass, before: Followed, tip_mm: Vector3<f64>) -> Followe
 }
 
 fn letter_of(what: What) -> char {
-    let known = LETTERS.iter().find(|(_, of)| *of == what);
-    known.map_or(UNKNOWN_LETTER, |(letter, _)| *letter)
+    let known = LETTERS.iter().find(|(_, of, _)| *of == what);
+    known.map_or(UNKNOWN_LETTER, |(letter, ..)| *letter)
 }
 
 fn what(leg: &Leg) -> What {

@@ -26,8 +26,7 @@ use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
 use crate::report::figures::Figures;
 use crate::report::job_texts::{
-    LATER_KINDS_TEXT, LAYER_OUTLINES_TEXT, LayerOutlines, OUTLINE_TEXT, PASS_KINDS_TEXT,
-    SETTINGS_TEXT, outline_from_json,
+    LAYER_OUTLINES_TEXT, LayerOutlines, OUTLINE_TEXT, SETTINGS_TEXT, outline_from_json,
 };
 use crate::settings::{Settings, machine_file};
 use headway_firmware::configuration::JointConfiguration;
@@ -192,9 +191,7 @@ impl Planned {
             },
             transform: header.transform,
             heat: header.heat(),
-            pass_facts: text(PASS_KINDS_TEXT).map_or(PassFacts::Unknown, |kinds| {
-                PassFacts::of_texts(kinds, text(LATER_KINDS_TEXT))
-            }),
+            pass_facts: PassFacts::of_job(header),
             stream,
             ..Planned::default()
         }

@@ -16,6 +16,7 @@ use crate::gcode::write::{
     JobText, WriteError, WriteOptions, Written, filament_mm2, is_tilting, write_gcode,
 };
 use crate::job::heat::{BED, HOT_END, HeatEvent, HeatOrder};
+use crate::pipeline::pass_facts::PassFacts;
 use crate::settings::machine_file::gcode_letters;
 use headway_protocol::message::DECIDEGREES_MAX;
 use std::path::Path;
@@ -181,6 +182,7 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
         arcs: of.arcs,
         blocks: [block(of.start.as_deref())?, block(of.end.as_deref())?],
         leave_hot: of.end_heat.leave_hot,
+        types: PassFacts::of_job(&job.file.header).slicer_words(&job.stream.marks),
         ..usual
     })
 }

@@ -101,6 +101,8 @@ pub struct WriteOptions {
     pub density_g_cm3: Option<f64>,
     /// Further lines, by servo ticks: each stands before the first move that begins then or later.
     pub lines: Vec<(u64, String)>,
+    /// Kinds of the beads in a slicer's words, each from a servo tick on.
+    pub types: Vec<(u64, &'static str)>,
 }
 
 impl WriteOptions {
@@ -122,6 +124,7 @@ impl WriteOptions {
             height_mm: None,
             density_g_cm3: None,
             lines: Vec::new(),
+            types: Vec::new(),
         }
     }
 
@@ -228,6 +231,8 @@ struct Writer<'a, W> {
     told_pct: Option<u64>,
     time: ControllerTime,
     written: Written,
+    /// Types that are written.
+    typed: usize,
 }
 
 /// The arcs that are written.
@@ -299,6 +304,7 @@ pub fn write_gcode(
             duration_s: ticks as f64 / job.servo_hz,
             ..Written::default()
         },
+        typed: 0,
     };
     if tilts && options.turns.contains(&writer.extruder()) {
         let letter = char::from(writer.extruder());

@@ -74,8 +74,17 @@ impl<W: Write> Writer<'_, W> {
             self.written.volume_mm3 += extruded_mm3;
             let e_mm = self.e_mm + extruded_mm3 / area_mm2;
             let time_s = (from_tick + end.tick as u64) as f64 / self.servo_hz;
+            self.types_until(from_tick + from as u64)?;
             self.line(&all[end.tick], end.arc.as_ref(), e_mm, [seconds, time_s])?;
             from = end.tick;
+        }
+        Ok(())
+    }
+
+    fn types_until(&mut self, tick: u64) -> Result<(), WriteError> {
+        while let Some((_, word)) = (self.options.types.get(self.typed)).filter(|of| of.0 <= tick) {
+            writeln!(self.out, ";TYPE:{word}")?;
+            self.typed += 1;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Goal: the command takes G-code from a slicer's file to a job, says what it does not do, and leaves
 //! nothing behind where it refuses. Method: the binary on a square of two layers and on broken files.
 
-use crate::rig::{folder, headway, object, path, stderr, succeeded};
+use crate::rig::{example, folder, headway, object, path, stderr, succeeded};
 
 /// A square of two layers, as a slicer writes it.
 fn square() -> String {
@@ -498,4 +498,32 @@ fn the_verdict_tells_of_uneven_beads() {
         let at_mm = found["x_mm"].as_f64().expect("a place");
         assert!((at_mm - x_mm).abs() < 1.0, "{name}: {at_mm}");
     }
+}
+
+/// Goal: an export tells the kinds of its beads in a slicer's words, on each layer, and reads as if it did not. Method: a job
+/// with walls and solid lines; what is read of its export with those lines and with other comments.
+#[test]
+fn exports_tell_kinds_of_beads() {
+    let folder = folder("gcode_types");
+    let [job, text] = ["part.hwj", "part.gcode"].map(|name| folder.join(name));
+    let plan = ["plan", &example("taper.json"), "-o", path(&job)];
+    let options = ["--layers=2", "--walls=1", "--infill-density=30"];
+    succeeded(&headway(
+        &[&plan[..], &options, &["--quality=fast"]].concat(),
+    ));
+    let export = ["export", path(&job), "--to=gcode", "--dialect=klipper"];
+    succeeded(&headway(
+        &[&export[..], &["--no-heat", "-o", path(&text)]].concat(),
+    ));
+    let written = std::fs::read_to_string(&text).expect("text");
+    for layer in written.split(";LAYER_CHANGE").skip(1) {
+        for kind in ["Perimeter", "Solid infill"] {
+            assert!(layer.contains(&format!("\n;TYPE:{kind}\nG1 ")), "{kind}");
+        }
+    }
+    let read = || object(&headway(&["inspect", path(&text), "--json"]));
+    let with = read();
+    let without = written.replace(";TYPE:", ";");
+    std::fs::write(&text, without).expect("written");
+    assert_eq!(read(), with);
 }
