@@ -1,7 +1,7 @@
 //! The layers that the report's page shows, their motion, and the data of the complete job.
 //!
-//! In: a planned job, the layers that have pictures; each layer is shown by its own motion. Out: the page's plain structs, with so few points and samples
-//! that the page stays below 15 MB.
+//! In: a planned job, the layers that have pictures; each layer is shown by its own motion. Out: the page's plain structs,
+//! with so few points and samples that the page stays below 15 MB.
 
 use crate::drive::time_by_limit::limit_at;
 use crate::job::SegmentStream;
