@@ -174,6 +174,7 @@ impl Sliced {
             // The end block says what goes off.
             leave_hot: true,
             lines,
+            types: planned.pass_facts.slicer_words(&planned.stream.marks),
             ..WriteOptions::of_dialect(dialect).with_settings(settings)
         }
     }

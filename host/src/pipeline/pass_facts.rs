@@ -140,8 +140,11 @@ impl PassFacts {
         PassFacts::Kinds(text.chars().map(what).collect(), later.collect())
     }
 
-    /// Kinds in a slicer's words, each from a servo tick on; on each layer anew.
+    /// Kinds in a slicer's words, each from a servo tick on; on each layer anew. Of a file's passes those of their first lines.
     pub fn slicer_words(&self, marks: &[Mark]) -> Vec<(u64, &'static str)> {
+        if let (PassFacts::File(_), Some(text)) = (self, self.text()) {
+            return PassFacts::of_texts(&text, None).slicer_words(marks);
+        }
         let mut words = Vec::new();
         let mut before = None;
         for mark in marks.iter().filter(|mark| mark.state == MotionState::Print) {
