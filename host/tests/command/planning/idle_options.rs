@@ -7,7 +7,7 @@ use headway::settings::{Settings, machine_file};
 use std::path::Path;
 
 /// A value for each option that is not the default's.
-const VALUES: [(&str, &str); 34] = [
+const VALUES: [(&str, &str); 35] = [
     ("speed", "30"),
     ("wall-speed", "20"),
     ("solid-speed", "20"),
@@ -33,6 +33,7 @@ const VALUES: [(&str, &str); 34] = [
     ("skirt", "1"),
     ("skirt-distance-mm", "5"),
     ("brim", "1"),
+    ("bead-width", "1"),
     ("avoid-crossing", ""),
     ("copies", "2"),
     ("copy-gap", "9"),
