@@ -92,6 +92,8 @@ pub struct Comments {
     pub estimate_s: Option<f64>,
     /// Least time of a layer.
     pub layer_time_min_s: f64,
+    /// Outer walls are rough on purpose: fuzzy skin.
+    pub is_fuzzy: bool,
     /// Diameter of the filament.
     pub filament_mm: Option<f64>,
     /// Which of both kinds of layer marks counts: the first that comes. Some files have both for each layer.
@@ -166,6 +168,7 @@ impl Comments {
                 self.layer_time_min_s =
                     first.ok().filter(|s| (0.0..1e4).contains(s)).unwrap_or(0.0);
             }
+            "fuzzy_skin" => self.is_fuzzy = !["none", "disabled_fuzzy"].contains(&value),
             // KISSlicer's is the second, ideaMaker's the third.
             "filament_diameter" | "fiber_dia_mm" | "Filament Diameter #1" => {
                 let first = value.split(',').next().unwrap_or_default();

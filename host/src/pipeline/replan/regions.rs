@@ -66,7 +66,7 @@ pub struct Ground {
     pub covered_pct: f64,
     /// Mean tip speeds of the outer walls and of the others.
     pub speeds_mm_s: [f64; 2],
-    /// How far from the outline the outer walls reach.
+    /// How far from the outline the outer walls reach; the beads where it has none.
     pub wall_mm: f64,
     /// They, in order.
     pub runs: Vec<Run>,
@@ -97,9 +97,15 @@ pub(super) struct Bead {
     is_level: bool,
 }
 
-/// The parts of a layer's passes, the first of which has this number in the file.
-pub fn parts(passes: &[GcodePass], first_pass: usize, slicer: Slicer) -> Parts {
-    let beads = beads(passes, slicer);
+/// The parts of a layer's passes, the first of which has this number in the file; outer walls that are rough on purpose stay
+/// lines.
+pub fn parts(passes: &[GcodePass], first_pass: usize, slicer: Slicer, is_fuzzy: bool) -> Parts {
+    let mut beads = beads(passes, slicer);
+    if is_fuzzy {
+        let outer = beads.iter_mut();
+        let outer = outer.filter(|bead| bead.kind == BeadKind::OuterWall);
+        outer.for_each(|bead| bead.kind = BeadKind::Unknown);
+    }
     let mut levels: BTreeMap<i64, Vec<usize>> = BTreeMap::new();
     for (number, bead) in beads.iter().enumerate().filter(|(_, bead)| bead.is_level) {
         let level = (bead.z_mm / LEVEL_MM).round() as i64;
@@ -353,7 +359,9 @@ fn ground(region: Region, beads: &[Bead]) -> Option<Ground> {
         [Some(outer), Some(others)] => [outer, others],
         [outer, others] => [outer.or(others)?; 2],
     };
-    let walls_mm = beads.iter().filter(is_outer).map(|bead| bead.width_mm);
+    let has_outer = beads.iter().any(|bead| is_outer(&bead));
+    let walls = beads.iter().filter(|bead| !has_outer || is_outer(bead));
+    let walls_mm = walls.map(|bead| bead.width_mm);
     Some(Ground {
         z_mm: beads[0].z_mm,
         height_mm,
