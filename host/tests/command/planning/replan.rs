@@ -256,7 +256,26 @@ fn what_cannot_be_planned_anew_is_refused_with_its_line() {
             whole.replacen("F9000", "F9.0.0", 1),
             "has no number".to_string(),
         ),
+        (String::new(), "nothing is printed".to_string()),
+        (format!("\0\u{1}GCDE{whole}"), "line 1: ".to_string()),
+        (
+            whole.replacen("X40", "X4000000", 1),
+            "is beyond 100000".to_string(),
+        ),
+        (
+            whole.replacen("G1 X40", "G5 X40", 1),
+            "its second control point".to_string(),
+        ),
+        (
+            cut[..cut.len() - 25].to_string(),
+            "it was cut short".to_string(),
+        ),
+        (
+            replanned(&folder, &whole).1,
+            "Headway exported it".to_string(),
+        ),
     ];
+    std::fs::remove_file(&output).expect("removed");
     for (text, wanted) in cases {
         std::fs::write(&input, &text).expect("written");
         for how in [vec!["-o", path(&output)], vec!["--in-place"]] {
