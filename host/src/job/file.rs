@@ -194,7 +194,7 @@ pub enum JobFileError {
 /// Writes a job; returns the bytes written.
 ///
 /// # Errors
-/// [`JobFileError::Io`] from the writer; a [`Refusal`] for a header past its bound.
+/// [`JobFileError::Io`] from the writer; a `Refusal` for a header past its bound.
 pub fn write(
     out: &mut impl Write,
     header: &JobHeader,

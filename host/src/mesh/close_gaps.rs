@@ -42,7 +42,7 @@ pub struct ClosedGaps {
 /// Closes gaps up to [`GAP_MAX_MM`].
 ///
 /// # Errors
-/// A [`Refusal`] with the largest remaining hole.
+/// A `Refusal` with the largest remaining hole.
 pub(super) fn close_gaps(mesh: &mut Mesh) -> Result<ClosedGaps, Refusal> {
     let mut closed = ClosedGaps::default();
     for gap_mm in ROUNDS.map(|share| share * GAP_MAX_MM) {

@@ -42,7 +42,7 @@ impl LayerHeights {
     /// with it.
     ///
     /// # Errors
-    /// A [`Refusal`] with the option.
+    /// A `Refusal` with the option.
     pub fn of(
         layer_mm: f64,
         first_mm: Option<f64>,
@@ -73,7 +73,7 @@ impl LayerHeights {
 /// Refuses a height that layers cannot have.
 ///
 /// # Errors
-/// A [`Refusal`] with the option.
+/// A `Refusal` with the option.
 pub fn check_height(option: &'static str, height_mm: f64) -> Result<(), Refusal> {
     match (LAYER_MM[0]..=LAYER_MM[1]).contains(&height_mm) {
         true => Ok(()),

@@ -98,7 +98,7 @@ fn nothing_enclosed(triangles: usize) -> Refusal {
 /// Reads a mesh and closes it. `name` is used if the file has none.
 ///
 /// # Errors
-/// A [`Refusal`] with the place.
+/// A `Refusal` with the place.
 pub fn read(
     bytes: &[u8],
     name: &str,
@@ -253,7 +253,7 @@ impl Closing {
 /// surface.
 ///
 /// # Errors
-/// A [`Refusal`] with the place.
+/// A `Refusal` with the place.
 pub fn read_surface(
     bytes: &[u8],
     format: MeshFormat,

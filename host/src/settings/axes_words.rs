@@ -109,7 +109,7 @@ impl AxesWords {
     /// Reads them.
     ///
     /// # Errors
-    /// A [`Refusal`], the first.
+    /// A `Refusal`, the first.
     pub fn parse(text: &str) -> Result<AxesWords, Refusal> {
         let mut words = AxesWords {
             text: text.trim().to_string(),

@@ -109,7 +109,7 @@ impl HeadShape {
     /// Checks that the numbers can be meant.
     ///
     /// # Errors
-    /// A [`Refusal`] with the key.
+    /// A `Refusal` with the key.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         if let Some(slack_mm) = self.tip_slack_mm {
             in_range("head.tip_slack_mm", slack_mm, 0.0, 100.0)?;

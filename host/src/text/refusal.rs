@@ -5,7 +5,7 @@
 #[error("{0}")]
 pub struct Refusal(pub String);
 
-/// A [`Refusal`], written as for `format!`.
+/// A `Refusal`, written as for `format!`.
 macro_rules! refusal {
     ($($text:tt)*) => { $crate::text::refusal::Refusal(format!($($text)*)) };
 }

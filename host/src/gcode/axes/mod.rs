@@ -74,7 +74,7 @@ impl FileAxes {
     /// The axes that words say; `machine` is that which they name, if they name one.
     ///
     /// # Errors
-    /// A [`Refusal`] where letters do not fit the machine's joints.
+    /// A `Refusal` where letters do not fit the machine's joints.
     pub fn new(words: &AxesWords, machine: Option<&FileMachine>) -> Result<FileAxes, Refusal> {
         let (model, slots, heading) = match machine {
             Some(machine) => of_machine(words, machine)?,

@@ -104,7 +104,7 @@ impl Reached {
     /// The incomplete pass; between two passes the next one.
     ///
     /// # Errors
-    /// A [`Refusal`].
+    /// A `Refusal`.
     pub fn pass(&self, stream: &SegmentStream) -> Result<u32, Refusal> {
         pass_at(stream, self.done_tick.saturating_sub(BEHIND_TICKS))
     }

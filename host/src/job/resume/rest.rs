@@ -58,7 +58,7 @@ pub struct Printed {
 /// The incomplete pass of a stream that is done up to a tick; between two passes the next one.
 ///
 /// # Errors
-/// A [`Refusal`].
+/// A `Refusal`.
 pub fn pass_at(stream: &SegmentStream, done_tick: u64) -> Result<u32, Refusal> {
     let left = passes(stream).filter(|(_, mark)| mark.end_tick > done_tick);
     // The first in time.
@@ -73,7 +73,7 @@ fn nothing_left() -> Refusal {
 /// The first pass of a layer, counted from 1.
 ///
 /// # Errors
-/// A [`Refusal`].
+/// A `Refusal`.
 pub fn pass_of_layer(stream: &SegmentStream, layer: u32) -> Result<u32, Refusal> {
     let of_layer = |(_, mark): &(u32, &Mark)| Some(mark.layer) == layer.checked_sub(1);
     let first = passes(stream).find(of_layer);
@@ -92,7 +92,7 @@ fn passes(stream: &SegmentStream) -> impl Iterator<Item = (u32, &Mark)> {
 /// The stream from a pass's start on.
 ///
 /// # Errors
-/// A [`Refusal`].
+/// A `Refusal`.
 pub fn rest_of(stream: &SegmentStream, heat: &[HeatEvent], pass: u32) -> Result<Rest, Refusal> {
     let last = passes(stream).map(|(pass, _)| pass).max();
     let last = last.ok_or_else(nothing_left)?;
@@ -301,7 +301,7 @@ pub fn printed_top_mm(stream: &SegmentStream, before_tick: u64) -> Option<f64> {
 /// Refuses a pass that is on top of itself: its start is below its own print.
 ///
 /// # Errors
-/// A [`Refusal`] if it returns to a place higher by more than half a layer and a cell's slope.
+/// A `Refusal` if it returns to a place higher by more than half a layer and a cell's slope.
 pub fn check_flat(stream: &SegmentStream, pass: u32, layer_height_mm: f64) -> Result<(), Refusal> {
     let rise_max_mm = CELL_MM + 0.5 * layer_height_mm;
     let mut lowest: HashMap<[i64; 2], f64> = HashMap::new();

@@ -93,7 +93,7 @@ pub struct DividedPart {
 /// Plans a part in curved layers.
 ///
 /// # Errors
-/// [`PlanError`], of the layers a [`Refusal`].
+/// [`PlanError`], of the layers a `Refusal`.
 pub fn plan_curved_layers(
     mesh: &Mesh,
     asked: CurvedLayers,
@@ -109,7 +109,7 @@ pub fn plan_curved_layers(
 /// Divides a part into layers, some of them curved; nothing is planned.
 ///
 /// # Errors
-/// A [`Refusal`].
+/// A `Refusal`.
 pub fn divided(
     mesh: &Mesh,
     CurvedLayers::Skin(skin_layers): CurvedLayers,
