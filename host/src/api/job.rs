@@ -19,6 +19,7 @@ use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_tr
 use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::findings::simulated::{outcome, simulation_figures};
 use crate::pipeline::page::page_of;
+use crate::pipeline::pass_facts::PassFacts;
 use crate::pipeline::planned::Planned;
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
@@ -240,6 +241,8 @@ impl Job {
         let mut options = WriteOptions::of_dialect(dialect).with_settings(&self.settings);
         let filament_mm2 = filament_mm2(options.filament_mm);
         options.limits = AxisLimits::of_machine(&self.settings.machine, filament_mm2);
+        let kinds = PassFacts::of_job(&self.file.header);
+        options.types = kinds.slicer_words(&self.stream.marks);
         match self.settings.gcode_letters {
             Some(letters) => options.turns = letters,
             None if is_tilting(&self.stream) => {
