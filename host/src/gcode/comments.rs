@@ -63,6 +63,8 @@ pub enum BeadKind {
     Unknown,
     /// The outermost perimeter.
     OuterWall,
+    /// The same, rough on purpose: fuzzy skin.
+    FuzzyWall,
     /// Other perimeters and what fills gaps between them.
     Wall,
     /// Perimeters that hang over open space.
@@ -221,7 +223,7 @@ impl BeadKind {
     pub fn name(self) -> &'static str {
         match self {
             BeadKind::Unknown => "beads of no kind",
-            BeadKind::OuterWall => "outer walls",
+            BeadKind::OuterWall | BeadKind::FuzzyWall => "outer walls",
             BeadKind::Wall => "walls",
             BeadKind::Overhang => "overhang walls",
             BeadKind::Solid => "solid infill",

@@ -174,8 +174,6 @@ pub struct GcodeProgram {
     pub estimate_s: Option<f64>,
     /// Least time of a layer that the slicer slowed for, s; 0 where it does not say it.
     pub layer_time_min_s: f64,
-    /// The slicer made outer walls rough: fuzzy skin.
-    pub is_fuzzy: bool,
     /// Layers that begin within passes, as those of a vase do.
     pub layers_within: u32,
     /// C is given: headings are told.
@@ -323,7 +321,6 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         slicer: steps.comments.slicer,
         filament_mm,
         layer_time_min_s: steps.comments.layer_time_min_s,
-        is_fuzzy: steps.comments.is_fuzzy,
         estimate_s: steps.comments.estimate_s.filter(|s| *s > 0.0),
         layers_within: left_out.layers,
         has_tilts: steps.turns[0],

@@ -10,7 +10,8 @@ mod heights;
 use super::error::GcodeError;
 use super::interpreter::{Firmware, HeatStep, Step, Steps};
 use super::{
-    GcodePass, HeatPlace, Leg, PUSH_MAX_MM3, PUSH_MIN_MM3_S, Place, PlacedOrder, Push, SLOW_S_MAX,
+    BeadKind, GcodePass, HeatPlace, Leg, PUSH_MAX_MM3, PUSH_MIN_MM3_S, Place, PlacedOrder, Push,
+    SLOW_S_MAX,
 };
 use gap::Gap;
 use heights::add_heights;
@@ -138,7 +139,11 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
             height_mm: hint.height_mm,
             volume_mm3: steps.extrudes.then_some(step.extruded * scale),
             is_inside: hint.is_inside,
-            kind: hint.kind,
+            kind: match hint.kind {
+                // The settings that say so stand at the file's end.
+                BeadKind::OuterWall if steps.comments.is_fuzzy => BeadKind::FuzzyWall,
+                kind => kind,
+            },
         };
         builder.step(step, leg, area_mm2, told_layer)?;
     }

@@ -92,7 +92,6 @@ pub fn along_lines(drawn: CentreLines, width_mm: f64, settings: &Settings) -> Gc
         filament_mm: 1.75,
         estimate_s: None,
         layer_time_min_s: 0.0,
-        is_fuzzy: false,
         layers_within: 0,
         has_headings: false,
         has_tilts: false,

@@ -257,7 +257,9 @@ fn letter_of(what: What) -> char {
 
 fn what(leg: &Leg) -> What {
     match leg.kind {
-        BeadKind::OuterWall | BeadKind::Wall | BeadKind::Overhang => What::Wall,
+        BeadKind::OuterWall | BeadKind::FuzzyWall | BeadKind::Wall | BeadKind::Overhang => {
+            What::Wall
+        }
         BeadKind::Solid | BeadKind::Ironing => What::Solid,
         BeadKind::Sparse => What::Sparse,
         BeadKind::Bridge => What::Bridge,

@@ -63,8 +63,6 @@ pub struct Replanned {
     pub kept_mm: BTreeMap<(&'static str, &'static str), f64>,
     /// Layers that were slowed for their least time.
     pub slowed_layers: u32,
-    /// Outer walls are rough, and stay lines.
-    pub is_fuzzy: bool,
 }
 
 /// What is printed without an interruption by another.
@@ -93,7 +91,6 @@ pub fn replan(
     let transform = place(&program, settings)?;
     let mut report = Replanned {
         volume_mm3: program.volume_mm3().unwrap_or_default(),
-        is_fuzzy: program.is_fuzzy,
         ..Replanned::default()
     };
     let layers = layers_of(&program);
@@ -148,9 +145,7 @@ fn layers_of(program: &GcodeProgram) -> Vec<Parts> {
             Some((*next - piece.len(), piece))
         })
         .collect();
-    let of_layer = |(first, piece): (usize, &[GcodePass])| {
-        parts(piece, first, program.slicer, program.is_fuzzy)
-    };
+    let of_layer = |(first, piece): (usize, &[GcodePass])| parts(piece, first, program.slicer);
     numbered.into_par_iter().map(of_layer).collect()
 }
 
@@ -271,10 +266,7 @@ impl Replanned {
         let pairs = run.pass.points.windows(2);
         for (pair, leg) in pairs.zip(&run.pass.legs) {
             let is_level = is_level(pair[0].tip_mm[2], pair[1].tip_mm[2]);
-            let why = match leg.kind {
-                BeadKind::OuterWall if self.is_fuzzy && is_level => "they are rough on purpose",
-                kind => of_region.unwrap_or(why(kind, is_level)),
-            };
+            let why = of_region.unwrap_or(why(leg.kind, is_level));
             let kept_mm = self.kept_mm.entry((leg.kind.name(), why)).or_default();
             *kept_mm += pair[1].distance_mm(&pair[0]);
         }

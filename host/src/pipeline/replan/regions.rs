@@ -97,15 +97,9 @@ pub(super) struct Bead {
     is_level: bool,
 }
 
-/// The parts of a layer's passes, the first of which has this number in the file; outer walls that are rough on purpose stay
-/// lines.
-pub fn parts(passes: &[GcodePass], first_pass: usize, slicer: Slicer, is_fuzzy: bool) -> Parts {
-    let mut beads = beads(passes, slicer);
-    if is_fuzzy {
-        let outer = beads.iter_mut();
-        let outer = outer.filter(|bead| bead.kind == BeadKind::OuterWall);
-        outer.for_each(|bead| bead.kind = BeadKind::Unknown);
-    }
+/// The parts of a layer's passes, the first of which has this number in the file.
+pub fn parts(passes: &[GcodePass], first_pass: usize, slicer: Slicer) -> Parts {
+    let beads = beads(passes, slicer);
     let mut levels: BTreeMap<i64, Vec<usize>> = BTreeMap::new();
     for (number, bead) in beads.iter().enumerate().filter(|(_, bead)| bead.is_level) {
         let level = (bead.z_mm / LEVEL_MM).round() as i64;
@@ -164,6 +158,7 @@ pub fn why(kind: BeadKind, is_level: bool) -> &'static str {
     match kind {
         _ if !is_level => "they rise along their length",
         BeadKind::Overhang | BeadKind::Bridge => "they span open space",
+        BeadKind::FuzzyWall => "they are rough on purpose",
         BeadKind::Sparse => "there is room between them",
         BeadKind::Support => "they come off the part",
         BeadKind::Skirt => "they are beside the part",

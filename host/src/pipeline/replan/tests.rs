@@ -69,7 +69,7 @@ fn filled(step_mm: f64, kind: BeadKind) -> Vec<GcodePass> {
 fn solid_ground_is_one_region() {
     for kind in [BeadKind::Solid, BeadKind::Sparse] {
         let passes = filled(SPACING_MM, kind);
-        let parts = parts(&passes, 0, Slicer::PrusaSlicer, false);
+        let parts = parts(&passes, 0, Slicer::PrusaSlicer);
         let Parts {
             grounds: found,
             kept,
@@ -98,7 +98,7 @@ fn solid_ground_is_one_region() {
 #[test]
 fn walls_around_a_sparse_infill_are_a_ring() {
     let passes = filled(3.0, BeadKind::Sparse);
-    let parts = parts(&passes, 0, Slicer::PrusaSlicer, false);
+    let parts = parts(&passes, 0, Slicer::PrusaSlicer);
     let Parts {
         grounds: found,
         kept,
@@ -137,14 +137,14 @@ fn holes_and_overhangs_bound_a_region() {
         }
     }
     passes.push(square(8.0, 12.0, -half, BeadKind::OuterWall));
-    let found = parts(&passes, 0, Slicer::PrusaSlicer, false);
+    let found = parts(&passes, 0, Slicer::PrusaSlicer);
     let area_mm2 = found.grounds[0].region.area_mm2();
     assert!((area_mm2 - 384.0).abs() < 1e-3, "{area_mm2}");
     let [wall, hanging] = [BeadKind::OuterWall, BeadKind::Overhang];
     let whole = square(0.0, 20.0, half, wall);
     let points: Vec<[f64; 3]> = whole.points.iter().map(|place| place.tip_mm).collect();
     passes[1] = pass(&points, &[hanging, wall, wall, wall]);
-    let found = parts(&passes, 0, Slicer::PrusaSlicer, false);
+    let found = parts(&passes, 0, Slicer::PrusaSlicer);
     let taken_mm2 = area_mm2 - found.grounds[0].region.area_mm2();
     assert!(
         (taken_mm2 - WIDTH_MM * (20.0 - WIDTH_MM)).abs() < 0.3,
@@ -158,10 +158,13 @@ fn holes_and_overhangs_bound_a_region() {
 /// Rough outer walls stay lines, what is inside them is a region.
 #[test]
 fn fuzzy_walls_stay_lines() {
-    let passes = filled(SPACING_MM, BeadKind::Solid);
-    let found = parts(&passes, 0, Slicer::PrusaSlicer, true);
+    let mut passes = filled(SPACING_MM, BeadKind::Solid);
+    let legs = passes.iter_mut().flat_map(|pass| &mut pass.legs);
+    let outer = legs.filter(|leg| leg.kind == BeadKind::OuterWall);
+    outer.for_each(|leg| leg.kind = BeadKind::FuzzyWall);
+    let found = parts(&passes, 0, Slicer::PrusaSlicer);
     assert_eq!((found.grounds.len(), found.kept.len()), (1, 1));
-    assert_eq!(found.kept[0].pass.legs[0].kind, BeadKind::OuterWall);
+    assert_eq!(found.kept[0].pass.legs[0].kind, BeadKind::FuzzyWall);
     let inside_mm = 20.0 - 2.0 * SPACING_MM;
     let area_mm2 = found.grounds[0].region.area_mm2();
     // Its corners are round.
@@ -188,7 +191,7 @@ fn other_beads_stay_lines() {
         pass(&flat, &[BeadKind::Unknown]),
         square(0.0, 8.0, 0.0, BeadKind::Support),
     ];
-    let found = parts(&passes, 0, Slicer::PrusaSlicer, false);
+    let found = parts(&passes, 0, Slicer::PrusaSlicer);
     assert_eq!((found.grounds.len(), found.kept.len()), (0, passes.len()));
     for (run, pass) in found.kept.iter().zip(&passes) {
         assert_eq!(run.pass.points, pass.points);
