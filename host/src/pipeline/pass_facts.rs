@@ -100,22 +100,24 @@ impl PassFacts {
         text.filter(|_| !rows.is_empty())
     }
 
-    /// What a job file has of them: a letter for each pass, of a slicer's file that of its first line. `None` where nothing
-    /// is known.
+    /// What a job file has of them: a letter for each pass. `None` where nothing is known.
     pub fn text(&self) -> Option<String> {
-        let text: String = match self {
-            PassFacts::Unknown => return None,
-            PassFacts::Kinds(kinds, _) => kinds.iter().map(|kind| letter_of(*kind)).collect(),
+        let text: String = self.first_kinds().into_iter().map(letter_of).collect();
+        let is_known = text.contains(|letter| letter != UNKNOWN_LETTER);
+        is_known.then_some(text)
+    }
+
+    /// What each pass is at its start, of a slicer's file in its first line.
+    fn first_kinds(&self) -> Vec<What> {
+        match self {
+            PassFacts::Unknown => Vec::new(),
+            PassFacts::Kinds(kinds, _) => kinds.clone(),
             PassFacts::File(file) => {
                 let passes = file.of_job.iter().map(|&number| file.passes.get(number));
                 let first = passes.map(|pass| pass.and_then(|pass| pass.legs.first()));
-                first
-                    .map(|leg| letter_of(leg.map_or(What::Bead, what)))
-                    .collect()
+                first.map(|leg| leg.map_or(What::Bead, what)).collect()
             }
-        };
-        let is_known = text.contains(|letter| letter != UNKNOWN_LETTER);
-        is_known.then_some(text)
+        }
     }
 
     /// What a job's header has of them.
@@ -142,13 +144,16 @@ impl PassFacts {
 
     /// Kinds in a slicer's words, each from a servo tick on; on each layer anew. Of a file's passes those of their first lines.
     pub fn slicer_words(&self, marks: &[Mark]) -> Vec<(u64, &'static str)> {
-        if let (PassFacts::File(_), Some(text)) = (self, self.text()) {
-            return PassFacts::of_texts(&text, None).slicer_words(marks);
-        }
+        let none = LaterKinds::new();
+        let later = match self {
+            PassFacts::Kinds(_, later) => later,
+            PassFacts::Unknown | PassFacts::File(_) => &none,
+        };
+        let kinds = self.first_kinds();
         let mut words = Vec::new();
         let mut before = None;
         for mark in marks.iter().filter(|mark| mark.state == MotionState::Print) {
-            let (PassFacts::Kinds(kinds, later), Some(pass)) = (self, mark.pass) else {
+            let Some(pass) = mark.pass else {
                 continue;
             };
             let first = kinds.get(pass as usize).map(|what| (0, *what));
