@@ -381,7 +381,8 @@ const REFUSED: &[(&str, &[Kind], &str)] = rows! {
     "--keep-out" => [Path Gcode] A_PATH;
     OF_OUTLINES => [Path Gcode] A_PATH;
     "--gap, --turn, --corner-tolerance, --tilt-max" => [Outline Laid Patch Flat Curved Gcode Lines] NO_AXES;
-    "--place, --axis-tolerance" => [Outline Flat Curved Gcode Lines] NO_AXES;
+    "--axis-tolerance" => [Outline Flat Curved Gcode Lines] NO_AXES;
+    "--place" => [Curved Gcode Lines] "goes with outlines, meshes in flat layers and waypoints: give the place with --at";
     "--layer-range, --layer-heights, --first-layer-height, --first-layer-speed" => [Outline Laid Patch Path Gcode]
         "goes with meshes: all layers of an outline are the same";
     "--cache" => [Outline Laid Patch Curved Path Gcode]

@@ -10,9 +10,11 @@ use crate::job::transform::PartTransform;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
 use crate::pipeline::part_body::PartBody;
 use crate::pipeline::piece::{Piece, PieceCache, key_of};
+use crate::pipeline::placed_part::{PlacedPart, placed_part};
 use crate::pipeline::stack::{Stack, plan_stack};
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
 use crate::plan::layers::skirt::skirt_reach_mm;
+use crate::plan::motion::best_place::FoundPlace;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
 use crate::plan::route::keep_out::shadows::with_shadows;
@@ -42,6 +44,8 @@ pub(super) struct Blocks<'a> {
     keep_out: Vec<Region>,
     /// Where the part goes.
     pub transform: PartTransform,
+    /// That it was moved to, if that was requested.
+    pub found_place: Option<FoundPlace>,
     first: FirstLayer,
     /// Number of the first of the wanted layers.
     lowest: Option<u32>,
@@ -81,15 +85,17 @@ pub(super) fn with_blocks<T>(
         )
         .into());
     }
+    let placed = place(part, settings)?;
+    let (transform, settings) = (placed.transform, &placed.settings);
     let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
     let body = PartBody::new(&outlines, &part.wanted, settings);
-    let transform = place(part, settings)?;
     let wanted = part.wanted_layers();
     let blocks = Blocks {
         outlines: &outlines,
         body: &body,
         keep_out: with_shadows(keep_out, &transform, settings),
         transform,
+        found_place: placed.found,
         first,
         lowest: wanted.first().map(|layer| layer.number),
         wanted: wanted.len(),
@@ -156,7 +162,7 @@ fn is_as_high(layer: &TargetLayer, settings: &Settings) -> bool {
 }
 
 /// Where a part goes: the box of all its layers.
-fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanError> {
+fn place(part: &SlicedPart, settings: &Settings) -> Result<PlacedPart, PlanError> {
     let regions = part.layers.iter().flat_map(|layer| &layer.regions);
     let corners: Vec<Point2> = regions
         .flat_map(|region| [region.bounds().min, region.bounds().max])
@@ -168,11 +174,9 @@ fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanEr
         layers: part.layers.len() as u32,
         ..settings.clone()
     };
-    Ok(PartTransform::choose_box(
-        bounds,
-        [bottom_mm, top_mm],
-        &stacked,
-    )?)
+    let mut placed = placed_part(bounds, [bottom_mm, top_mm], &stacked)?;
+    placed.settings.layers = settings.layers;
+    Ok(placed)
 }
 
 /// The settings of a layer's piece.

@@ -21,6 +21,7 @@ use crate::pipeline::error::another_solution;
 use crate::pipeline::gcode_heat::{LaidPasses, events_behind, events_of};
 use crate::pipeline::gcode_touches::{Collector, Descent, descent};
 use crate::pipeline::layer_time::lay_with_layer_times;
+use crate::pipeline::placed_part::{PlacedPart, placed_part};
 use crate::pipeline::stop_room::with_stop_room;
 use crate::plan::judge::figures::PlanFigures;
 use crate::plan::judge::measure::measure;
@@ -114,7 +115,8 @@ pub(super) fn plan_pieces(
     }
     settings.check()?;
     check_time(program, settings)?;
-    let transform = place(program, settings)?;
+    let placed = place(program, settings)?;
+    let (transform, settings) = (placed.transform, &placed.settings);
     let way = &GcodeWay {
         slicer: program.slicer,
         headings_told: program.has_headings,
@@ -297,10 +299,7 @@ pub(super) fn with_speeds(
 }
 
 /// The file's z = 0 lies on the bed; what is printed lies over the middle of the work area.
-pub(super) fn place(
-    program: &GcodeProgram,
-    settings: &Settings,
-) -> Result<PartTransform, PlanError> {
+pub(super) fn place(program: &GcodeProgram, settings: &Settings) -> Result<PlacedPart, PlanError> {
     let tips = || program.passes.iter().flat_map(|pass| &pass.points);
     let corners: Vec<Point2> = tips()
         .map(|p| Point2::new(p.tip_mm[0], p.tip_mm[1]))
@@ -315,9 +314,5 @@ pub(super) fn place(
         low_mm - settings.layer_height_mm
     };
     let bounds = Box2::of(&corners);
-    Ok(PartTransform::choose_box(
-        bounds,
-        [bed_mm, top_mm],
-        settings,
-    )?)
+    Ok(placed_part(bounds, [bed_mm, top_mm], settings)?)
 }

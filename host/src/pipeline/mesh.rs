@@ -23,6 +23,7 @@ use crate::pipeline::piece::{Piece, PieceCache};
 use crate::pipeline::roofs::Roofs;
 use crate::plan::judge::figures::Swept;
 use crate::plan::layers::shells::{Overhang, overhangs};
+use crate::plan::motion::best_place::FoundPlace;
 use crate::plan::progress::Progress;
 use crate::settings::Settings;
 use std::ops::Range;
@@ -32,6 +33,8 @@ use std::ops::Range;
 pub struct PartPlan {
     /// Position of the part on the machine.
     pub transform: PartTransform,
+    /// The place that was found for it, if one was requested.
+    pub found_place: Option<FoundPlace>,
     /// The sum of its pieces, with at most [`PLACES_MAX`] places of each kind; the stream is empty if they were
     /// handed on.
     pub printed: Piece,
@@ -113,6 +116,7 @@ fn planned_in_blocks(
     let settings = blocks.settings;
     let mut planned = PartPlan {
         transform: blocks.transform,
+        found_place: blocks.found_place,
         overhangs: hanging(blocks, &part.wanted),
         roofs: blocks.body.roofs.clone(),
         ..PartPlan::default()

@@ -5,8 +5,8 @@ use super::{Plan, PlanError, start_pose};
 use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region};
 use crate::input::Target;
-use crate::job::transform::PartTransform;
 use crate::pipeline::error::all_kept_out;
+use crate::pipeline::placed_part::placed_part;
 use crate::pipeline::roofs::Roofs;
 use crate::plan::layers::hollow::{Hollow, bridges_of, wide_spans};
 use crate::plan::layers::layer_groups;
@@ -38,7 +38,8 @@ pub fn plan_target_around(
     settings.check()?;
     let bounds = target_bounds(target).grown(skirt_reach_mm(settings));
     let height_mm = settings.layer_height_mm * f64::from(settings.layers);
-    let transform = PartTransform::choose(bounds, height_mm, settings)?;
+    let placed = placed_part(bounds, [0.0, height_mm], settings)?;
+    let (transform, settings) = (placed.transform, &placed.settings);
     let keep_out = &with_shadows(keep_out, &transform, settings);
     let cleared = cleared(&target.regions, keep_out, settings);
     if cleared.regions.is_empty() {
@@ -71,6 +72,7 @@ pub fn plan_target_around(
     };
     Ok(Plan {
         roofs,
+        found_place: placed.found,
         ..plan_stack(&stack, settings, progress)?
     })
 }

@@ -18,7 +18,7 @@ pub(super) fn with_stop_room<T>(
 ) -> Result<T, PlanError> {
     let is_beyond = |error: &PlanError| match error {
         PlanError::Motion(MotionError::OutsideJointRange { name, .. }) => {
-            settings.heading_joint_name() == Some(name)
+            settings.turning_joint_name() == Some(name)
         }
         _ => false,
     };

@@ -14,14 +14,18 @@ pub fn pose_limits(settings: &Settings) -> PoseLimits {
     let (machine, share) = (&settings.machine, settings.plan_share);
     let joint_channels = kinematics::joint_channels(&machine.kinematics);
     let of_channel = |channel: usize| {
-        let joints = machine.joints.iter().zip(joint_channels);
-        let joints = joints.filter(|(_, joint_channel)| **joint_channel == Some(channel));
+        let wrist = settings.wrist.and(settings.wrist_number());
+        let joints = machine.joints.iter().zip(joint_channels).enumerate();
+        let joints = joints.filter(|(number, (_, joint_channel))| {
+            let is_wrist = channel == CHANNEL_HEADING && wrist == Some(*number);
+            is_wrist || **joint_channel == Some(channel)
+        });
         let least = AxisLimits {
             speed: f64::INFINITY,
             acceleration: f64::INFINITY,
             jerk: f64::INFINITY,
         };
-        joints.fold(least, |least, (joint, _)| AxisLimits {
+        joints.fold(least, |least, (_, (joint, _))| AxisLimits {
             speed: least.speed.min(joint.speed_max * share),
             acceleration: least.acceleration.min(joint.acceleration_max * share),
             jerk: least.jerk.min(joint.jerk_max * share),

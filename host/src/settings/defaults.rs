@@ -166,6 +166,7 @@ impl Settings {
             heaters: None,
             drivers: DriversConfiguration::none(),
             heading_motor: None,
+            wrist: None,
             switches: None,
             hold: 0,
             wiring: Wiring::STANDARD,

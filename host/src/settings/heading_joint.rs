@@ -5,6 +5,17 @@ use headway_firmware::configuration::{JointConfiguration, Kinematics};
 use headway_firmware::kinematics::joint_channels;
 use headway_protocol::units::CHANNEL_HEADING;
 
+/// Joint 6 of an arm.
+const WRIST: usize = 5;
+
+/// The last joint of an arm as what turns the nozzle about its axis: its stops as headings, wherever the tip is within the
+/// job's box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WristStops {
+    /// Least and greatest heading, rad.
+    pub headings_rad: [f64; 2],
+}
+
 fn number_of(kinematics: &Kinematics) -> Option<usize> {
     let channels = joint_channels(kinematics);
     channels
@@ -29,6 +40,26 @@ impl Settings {
     pub fn linear_joint(&self, axis: usize) -> Option<&JointConfiguration> {
         let number = linear_joint_number(&self.machine.kinematics, axis)?;
         self.machine.joints.get(number)
+    }
+
+    /// The number of the joint by which an arm without one for the nozzle turns it.
+    pub fn wrist_number(&self) -> Option<usize> {
+        match &self.machine.kinematics {
+            Kinematics::Arm6 { arm, .. } if !arm.nozzle => Some(WRIST),
+            _ => None,
+        }
+    }
+
+    /// The joint that turns the nozzle: one of its own, or an arm's wrist.
+    pub fn turning_joint(&self) -> Option<&JointConfiguration> {
+        let number = self.heading_joint_number().or(self.wrist_number())?;
+        self.machine.joints.get(number)
+    }
+
+    /// Its name in the machine file.
+    pub fn turning_joint_name(&self) -> Option<&'static str> {
+        let number = self.heading_joint_number().or(self.wrist_number())?;
+        joint_names(&self.machine.kinematics).get(number).copied()
     }
 
     pub(super) fn heading_joint_number(&self) -> Option<usize> {

@@ -29,7 +29,7 @@ pub mod wide_beads;
 
 pub use check::{joint_names, motor_rates_hz};
 pub use choices::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
-pub use heading_joint::linear_joint_number;
+pub use heading_joint::{WristStops, linear_joint_number};
 pub use heading_motor::HeadingMotor;
 
 use self::head_shape::HeadShape;
@@ -226,7 +226,7 @@ pub struct Settings {
     pub at_mm: Option<[f64; 3]>,
     /// Jump between two waypoints that ends a pass (`--gap`), mm; `None`: many times the usual spacing.
     pub gap_mm: Option<f64>,
-    /// Where a run of waypoints lies if `at_mm` does not say it (`--place`).
+    /// Where a part lies if `at_mm` does not say it (`--place`).
     pub place: Place,
     /// How far the tool axis may leave that of a run of waypoints where two rotary axes of the machine
     /// line up (`--axis-tolerance`), rad.
@@ -305,6 +305,8 @@ pub struct Settings {
     pub drivers: DriversConfiguration,
     /// What the motor of the heading joint can do, where it is known.
     pub heading_motor: Option<HeadingMotor>,
+    /// The wrist that turns the nozzle, once a job's place is known; `None` for a joint of its own.
+    pub wrist: Option<WristStops>,
     /// Switches to home to; `None`: the usual ones.
     pub switches: Option<HomingConfiguration>,
     /// Joints that would fall, a bit each: the board holds them when it lets the others go.

@@ -211,7 +211,7 @@ options! {
     "gap" gap_mm: f64 [];
     /// How far the corners of a run of waypoints may be rounded.
     "corner-tolerance" corner_tolerance_mm: f64 [];
-    /// Where a run of waypoints lies.
+    /// Where an outline, a mesh or a run of waypoints lies.
     "place" place: Place [];
     inner
     /// How far a run of waypoints is turned about Z.

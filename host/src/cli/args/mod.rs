@@ -203,7 +203,7 @@ pub(crate) struct PlaceArgs {
     /// [default: six times the usual spacing].
     #[arg(long, value_name = "MM")]
     pub gap: Option<f64>,
-    /// Position of a run of waypoints.
+    /// Position of an outline, a mesh or a run of waypoints.
     #[arg(long, value_enum, value_name = "PLACE", conflicts_with = "at")]
     pub place: Option<Place>,
     /// Rotates a run of waypoints about Z, counter-clockwise, degrees; positions and messages are those

@@ -5,6 +5,7 @@
 use super::Findings;
 use super::left_out::{left_out, of_figures};
 use super::objections::{Objection, ObjectionKind};
+use super::run_notes::found_place;
 use super::settings_warnings::{high_layers, settings_warnings};
 use super::use_figures::{short_layers_note, stacked_figures, use_figures};
 use super::wide_beads::{Laid, LateLayers};
@@ -53,6 +54,7 @@ pub(crate) fn part_findings(
     objections.extend(high_layers(heights_mm.fold(0.0, f64::max), settings));
     let mut warnings = warnings(part, planned, settings);
     warnings.extend(laid.rests_note(settings));
+    warnings.extend(found_place(planned.found_place, transform));
     Findings {
         figures: figures.merged_with(&wide),
         objections,

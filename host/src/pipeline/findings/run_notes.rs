@@ -3,6 +3,7 @@
 use crate::job::transform::PartTransform;
 use crate::pipeline::Plan;
 use crate::plan::judge::touches::{HeadPart, Touches};
+use crate::plan::motion::best_place::FoundPlace;
 use crate::plan::motion::singular::SingularPlaces;
 use crate::report::figures::CornerFigures;
 use crate::settings::Settings;
@@ -20,7 +21,7 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
         edge_depth(plan, settings),
         hangs(plan),
         left_out(plan),
-        found_place(plan),
+        found_place(plan.found_place, &plan.transform),
         leans(plan),
         singular_places(&plan.singular),
         rounded_corners(plan, settings),
@@ -115,12 +116,12 @@ fn left_out(plan: &Plan) -> Option<String> {
     ))
 }
 
-/// Position of the run.
-fn found_place(plan: &Plan) -> Option<String> {
-    let found = plan.found_place?;
-    let [x, y, z] = plan.transform.offset_mm;
+/// The position that was found.
+pub(super) fn found_place(found: Option<FoundPlace>, transform: &PartTransform) -> Option<String> {
+    let found = found?;
+    let [x, y, z] = transform.offset_mm;
     Some(format!(
-        "--place best: at {x:.3},{y:.3},{z:.3}; of {} positions tried the machine reaches the complete run at {}",
+        "--place best: at {x:.3},{y:.3},{z:.3}; of {} positions tried the machine reaches all of it at {}",
         found.tried, found.reached
     ))
 }

@@ -1,6 +1,6 @@
 //! Where the nozzle turns back for its cables: by more than half a turn between two passes.
 //!
-//! In: the route, and the range of the joint that follows the heading. Out: a line, or none if the joint has no
+//! In: the route, and the range of the joint that turns the nozzle. Out: a line, or none if the joint has no
 //! ends or never turns so far. A pass is entered within half a turn of any nozzle unless a limit prevents it.
 
 use crate::job::MotionState;
@@ -26,7 +26,7 @@ pub struct Unwinding {
 
 /// All of them, in the order of the route.
 pub fn unwindings(route: &Route, settings: &Settings) -> Vec<Unwinding> {
-    let joint = settings.heading_joint();
+    let joint = settings.turning_joint();
     let has_ends =
         joint.is_some_and(|joint| joint.position_min.is_finite() || joint.position_max.is_finite());
     if !has_ends {
@@ -68,7 +68,7 @@ pub(super) fn note(
     settings: &Settings,
 ) -> Option<String> {
     let found = unwindings(route, settings);
-    let joint = settings.heading_joint()?;
+    let joint = settings.turning_joint()?;
     let places: Vec<String> = found
         .iter()
         .take(PLACES_TOLD)

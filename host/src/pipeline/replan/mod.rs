@@ -88,7 +88,8 @@ pub fn replan(
     let mut settings = with_speeds(&program, speed_max_mm_s, settings);
     settings.layer_time_min_s = settings.layer_time_min_s.max(program.layer_time_min_s);
     let settings = &settings;
-    let transform = place(&program, settings)?;
+    let placed = place(&program, settings)?;
+    let (transform, settings) = (placed.transform, &placed.settings);
     let mut report = Replanned {
         volume_mm3: program.volume_mm3().unwrap_or_default(),
         ..Replanned::default()

@@ -12,8 +12,11 @@ use std::collections::{BinaryHeap, VecDeque};
 /// What rounding may take from a whole number of periods.
 const ROUNDING: f64 = 1e-9;
 
-/// Stops of the joint that follows the heading one to one, rad.
+/// Stops of the joint that turns the nozzle as headings, rad.
 pub fn heading_range(settings: &Settings) -> [f64; 2] {
+    if let Some(wrist) = &settings.wrist {
+        return wrist.headings_rad;
+    }
     settings
         .heading_joint()
         .map_or([f64::NEG_INFINITY, f64::INFINITY], |joint| {

@@ -111,7 +111,7 @@ pub fn best_place(
 }
 
 /// An even grid of positions in each direction, and the middle; the nearest first.
-fn shifts(room_mm: [[f64; 2]; 2], places: usize) -> Vec<[f64; 2]> {
+pub fn shifts(room_mm: [[f64; 2]; 2], places: usize) -> Vec<[f64; 2]> {
     let along = |[low, high]: [f64; 2], index: usize| {
         low + (high - low) * index as f64 / (places - 1) as f64
     };

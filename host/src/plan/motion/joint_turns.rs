@@ -70,7 +70,7 @@ pub fn choose_solution(
 pub fn fastest(route: &Route, settings: &Settings) -> Result<(Settings, Followed), MotionError> {
     let kinematics = settings.machine.kinematics;
     let mut best: Option<(Settings, Followed)> = None;
-    let mut furthest: Option<(usize, MotionError)> = None;
+    let mut furthest: Option<(usize, MotionError, Settings)> = None;
     for solution in 0..kinematics.solutions() {
         let mut with_it = settings.clone();
         with_it.machine.kinematics = kinematics.with_solution(solution);
@@ -84,18 +84,63 @@ pub fn fastest(route: &Route, settings: &Settings) -> Result<(Settings, Followed
                 }
             }
             Err((looks, error)) => {
-                if furthest.as_ref().is_none_or(|(most, _)| looks > *most) {
-                    furthest = Some((looks, error));
+                if furthest.as_ref().is_none_or(|(most, ..)| looks > *most) {
+                    furthest = Some((looks, error, with_it));
                 }
             }
         }
     }
     match (best, furthest) {
         (Some(best), _) => Ok(best),
-        (None, Some((_, error))) => Err(error),
+        (None, Some((_, error, with_it))) => match error {
+            MotionError::OutsideJointRange { .. } => Err(worst_outside(route, &with_it, error)),
+            _ => Err(error),
+        },
         (None, None) => Err(MotionError::BadLimit {
             name: "number of joint solutions",
         }),
+    }
+}
+
+/// The error of the place at which a joint is furthest outside its range.
+fn worst_outside(route: &Route, settings: &Settings, first: MotionError) -> MotionError {
+    let mut outside = Outside::Worst(None);
+    // Where no joints can be followed any further is behind the places that count.
+    let _ = followed(route, settings, &mut outside);
+    match outside {
+        Outside::Worst(Some((_, error))) => error,
+        _ => first,
+    }
+}
+
+/// What becomes of a joint outside its range.
+enum Outside {
+    /// It ends the way.
+    Ends,
+    /// The way goes on, and the error of the place furthest outside is kept, with by how much, mm or rad.
+    Worst(Option<(f64, MotionError)>),
+}
+
+impl Outside {
+    fn of(&mut self, error: MotionError) -> Result<(), MotionError> {
+        match (self, error) {
+            (
+                Outside::Worst(worst),
+                error @ MotionError::OutsideJointRange {
+                    position,
+                    minimum,
+                    maximum,
+                    ..
+                },
+            ) => {
+                let by = (minimum - position).max(position - maximum);
+                if worst.as_ref().is_none_or(|(most, _)| by > *most) {
+                    *worst = Some((by, error));
+                }
+                Ok(())
+            }
+            (_, error) => Err(error),
+        }
     }
 }
 
@@ -104,6 +149,14 @@ pub fn fastest(route: &Route, settings: &Settings) -> Result<(Settings, Followed
 /// # Errors
 /// The number of samples until the failure, and its reason.
 pub fn follow(route: &Route, settings: &Settings) -> Result<Followed, (usize, MotionError)> {
+    followed(route, settings, &mut Outside::Ends)
+}
+
+fn followed(
+    route: &Route,
+    settings: &Settings,
+    outside: &mut Outside,
+) -> Result<Followed, (usize, MotionError)> {
     let mut windings = Vec::with_capacity(route.moves.len());
     let mut follower: Option<Follower<'_>> = None;
     for route_move in &route.moves {
@@ -119,7 +172,7 @@ pub fn follow(route: &Route, settings: &Settings) -> Result<Followed, (usize, Mo
             continue;
         };
         windings.push(follower.winding);
-        if let Err(error) = follower.along(&route_move.curve, &limits) {
+        if let Err(error) = follower.along(&route_move.curve, &limits, outside) {
             return Err((follower.looks, error));
         }
     }
@@ -174,7 +227,12 @@ impl<'a> Follower<'a> {
             })
     }
 
-    fn along(&mut self, curve: &PathCurve, limits: &MotionLimits) -> Result<(), MotionError> {
+    fn along(
+        &mut self,
+        curve: &PathCurve,
+        limits: &MotionLimits,
+        outside: &mut Outside,
+    ) -> Result<(), MotionError> {
         if curve.control.len() < 2 {
             return Ok(());
         }
@@ -192,7 +250,7 @@ impl<'a> Follower<'a> {
             let looks = looks.ceil() as usize;
             for look in 1..=looks {
                 let part = |look: usize| span as f64 + look as f64 / looks as f64;
-                self.step(curve, limits, [part(look - 1), part(look)], 0)?;
+                self.step(curve, limits, [part(look - 1), part(look)], 0, outside)?;
             }
         }
         Ok(())
@@ -205,6 +263,7 @@ impl<'a> Follower<'a> {
         limits: &MotionLimits,
         [from, to]: [f64; 2],
         halvings: u32,
+        outside: &mut Outside,
     ) -> Result<(), MotionError> {
         let channels = curve.evaluate(to).value;
         let kinematics = &self.settings.machine.kinematics;
@@ -230,10 +289,10 @@ impl<'a> Follower<'a> {
                 });
             }
             let middle = 0.5 * (from + to);
-            self.step(curve, limits, [from, middle], halvings + 1)?;
-            return self.step(curve, limits, [middle, to], halvings + 1);
+            self.step(curve, limits, [from, middle], halvings + 1, outside)?;
+            return self.step(curve, limits, [middle, to], halvings + 1, outside);
         }
-        check_range(limits, tip_mm(&channels), &position)?;
+        check_range(limits, tip_mm(&channels), &position).or_else(|error| outside.of(error))?;
         let way = std::array::from_fn(|joint| position[joint] - self.position[joint]);
         let seconds = limits.bounded([&way]);
         let seconds = seconds.map(|(limit, [way])| way.abs() / limit.speed_max);

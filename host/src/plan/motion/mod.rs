@@ -9,6 +9,7 @@
 //! executed steps (`drive`).
 
 pub mod best_place;
+pub mod box_reach;
 pub mod joint_limits;
 pub mod joint_turns;
 pub mod lift_off;

@@ -10,3 +10,4 @@ mod rounded_corners;
 mod singular_places;
 mod surfaces;
 mod waypoints;
+mod wrist;
