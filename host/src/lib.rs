@@ -32,6 +32,7 @@ pub mod joint_export;
 pub mod mesh;
 pub mod pipeline;
 pub mod plan;
+pub mod programs;
 pub mod report;
 pub mod settings;
 mod text;

@@ -313,6 +313,11 @@ class Job:
         """Writes G-code for klipper, reprapfirmware, linuxcnc, grblhal or marlin."""
         _write(path, self._native.gcode(dialect))
 
+    def write_program(self, folder: PathLike, language: str, name: str) -> None:
+        """Writes the files of a program in rapid, krl, urscript or sinumerik, called by that name, into a folder."""
+        for file, text in self._native.program(language, name):
+            _write(os.path.join(folder, file), text.encode())
+
 
 def plan(
     geometry: Any,

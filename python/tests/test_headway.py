@@ -328,6 +328,24 @@ def test_a_job_is_that_of_the_command(tmp_path, name, words, options):
         assert written.read_bytes() == exported.read_bytes()
 
 
+def test_a_program_is_that_of_the_command(tmp_path):
+    folders = {kind: tmp_path / kind for kind in ("command", "python")}
+    for folder in folders.values():
+        folder.mkdir()
+    job_file = tmp_path / "part.hwj"
+    job = headway.plan_file(EXAMPLES / "taper.json")
+    job.write(job_file)
+    target = folders["command"] / "part.mpf"
+    export = [command(), "export", str(job_file), "--to", "sinumerik", "-o", str(target)]
+    subprocess.run(export, check=True, capture_output=True)
+    job.write_program(folders["python"], "sinumerik", "part")
+    assert (folders["python"] / "part.mpf").read_bytes() == target.read_bytes()
+    with pytest.raises(headway.JobError, match="arms"):
+        job.write_program(folders["python"], "rapid", "part")
+    with pytest.raises(headway.JobError, match="known language"):
+        job.write_program(folders["python"], "basic", "part")
+
+
 class Solid:
     """As trimesh has one."""
 

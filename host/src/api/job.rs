@@ -21,6 +21,7 @@ use crate::pipeline::findings::simulated::{outcome, simulation_figures};
 use crate::pipeline::page::page_of;
 use crate::pipeline::pass_facts::PassFacts;
 use crate::pipeline::planned::Planned;
+use crate::programs::{Language, ProgramJob, ProgramOptions, write_program};
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
@@ -215,6 +216,32 @@ impl Job {
             offset_mm: header.transform.offset_mm,
             every_ms: 1e3 * self.checked_step_s(every_s)?,
         })
+    }
+
+    /// It as a program of `rapid`, `krl`, `urscript` or `sinumerik`: names and texts of its files, the main one first, with the
+    /// defaults of `headway export`. The program's name has letters, digits and underscores, at most 16.
+    ///
+    /// # Errors
+    /// [`Error::Job`] for another language or name, or if the machine is none of its kind.
+    pub fn program(&self, language: &str, name: &str) -> Result<Vec<(String, String)>, Error> {
+        let known = Language::ALL.into_iter().find(|of| of.option() == language);
+        let language = known.ok_or_else(|| {
+            let names = Language::ALL.map(Language::option).join(", ");
+            let language: String = language.chars().take(40).collect();
+            Error::Job(format!(
+                "{language} is no known language: give one of {names}"
+            ))
+        })?;
+        let job = ProgramJob {
+            stream: &self.stream,
+            machine: &self.file.header.machine,
+            tip_acceleration_mm_s2: self.settings.tip_acceleration_mm_s2,
+        };
+        let options = ProgramOptions::of_settings(language, name, &self.settings);
+        let program =
+            write_program(&job, &options).map_err(|error| Error::Job(error.to_string()))?;
+        let files = program.files.into_iter().map(|file| (file.name, file.text));
+        Ok(files.collect())
     }
 
     /// Writes it as G-code for `klipper`, `reprapfirmware`, `linuxcnc`, `grblhal` or `marlin`, with the

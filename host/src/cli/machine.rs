@@ -8,6 +8,7 @@ use crate::cli::terminal::console::Console;
 use crate::cli::terminal::result_kind::{BOARD_SETTINGS, MACHINE};
 use crate::pipeline::findings::settings_warnings::settings_warnings;
 use crate::settings::aperture_text::nozzle_text;
+use crate::settings::arms::{ARM_MODELS, ArmModel, flange_pose};
 use crate::settings::examples::MachineExample;
 use crate::settings::{Settings, joint_names, machine_file, motor_rates_hz};
 use crate::text::refusal::Refusal;
@@ -16,11 +17,30 @@ use headway_firmware::steps::shaping::shapes;
 use serde_json::json;
 use std::f64::consts::SQRT_2;
 
+/// Joint positions at which an arm's flange is to be compared with what its controller shows, degrees.
+const COMPARED_DEG: [[f64; 6]; 4] = [
+    [0.0; 6],
+    [30.0, -60.0, 60.0, 0.0, 0.0, 0.0],
+    [0.0, -90.0, 90.0, 0.0, 45.0, 0.0],
+    [-20.0, -70.0, 50.0, 40.0, -30.0, 60.0],
+];
+
 pub(crate) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError> {
     match &args.command {
-        MachineCommand::New { kind, name, output } => {
-            let mut settings =
-                settings_of(*kind).map_err(|error| CliError::Usage(error.to_string()))?;
+        MachineCommand::New { arm, .. } if arm.as_deref() == Some("list") => {
+            console.result(&arms_text())
+        }
+        MachineCommand::New {
+            kind,
+            arm,
+            name,
+            output,
+        } => {
+            let settings = match arm {
+                Some(arm) => settings_of_arm(arm)?,
+                None => settings_of(*kind),
+            };
+            let mut settings = settings.map_err(|error| CliError::Usage(error.to_string()))?;
             if let Some(name) = name {
                 settings.machine_name.clone_from(name);
             }
@@ -60,6 +80,28 @@ pub(crate) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
             ))
         }
     }
+}
+
+/// The published arms, a line each.
+fn arms_text() -> String {
+    let lines = ARM_MODELS.iter().map(|model| {
+        let reach_m = 1e-3 * model.reach_mm();
+        format!("{:22} {}, reach {reach_m:.2} m\n", model.name, model.title)
+    });
+    lines.collect()
+}
+
+/// The machine of a published arm.
+fn settings_of_arm(name: &str) -> Result<Result<Settings, Refusal>, CliError> {
+    let Some(model) = ArmModel::named(name) else {
+        let known: Vec<&str> = ARM_MODELS.iter().map(|model| model.name).collect();
+        return Err(CliError::Usage(format!(
+            "--arm {}: not known; known are {}; for another one --kind arm6, and its lengths in [arm]",
+            name.chars().take(40).collect::<String>(),
+            known.join(", ")
+        )));
+    };
+    Ok(model.settings())
 }
 
 /// The built-in machine of a kind.
@@ -192,6 +234,14 @@ fn summary_text(settings: &Settings) -> String {
             "  free tilt {:.1}°: leaning no more, no part of the head but its flat end is below the tip\n",
             head.free_tilt_rad().to_degrees()
         );
+    }
+    for joints_deg in COMPARED_DEG {
+        if let Some([tip_mm, [a, b, c]]) = flange_pose(&settings.machine.kinematics, joints_deg) {
+            text += &format!(
+                "  joints {joints_deg:?}°: flange at {tip_mm:.1?} mm from the base, turned by {a:.2}, {b:.2}, {c:.2}° about Z, \
+                 Y', X''\n"
+            );
+        }
     }
     text + &shapers_text(&settings.machine)
 }

@@ -205,7 +205,7 @@ impl Format {
         }
     }
 
-    /// Reads `gcode`, `gco`, `g`, `nc`, `ngc`, `stl`, `3mf`, `obj`,
+    /// Reads `gcode`, `gco`, `g`, `nc`, `ngc`, `mpf`, `spf`, `stl`, `3mf`, `obj`,
     /// `json` or `polygon`, `geojson`, `svg`, `dxf`, `nurbs`, `waypoints` or its endings `wpt`, `txt`, `csv`.
     pub fn parse(text: &str) -> Option<Format> {
         match text {
@@ -218,7 +218,7 @@ impl Format {
             "stl" => Some(Format::Mesh(MeshFormat::Stl)),
             "3mf" => Some(Format::Mesh(MeshFormat::ThreeMf)),
             "obj" => Some(Format::Mesh(MeshFormat::Obj)),
-            "gcode" | "gco" | "g" | "nc" | "ngc" => Some(Format::Gcode),
+            "gcode" | "gco" | "g" | "nc" | "ngc" | "mpf" | "spf" => Some(Format::Gcode),
             _ => None,
         }
     }

@@ -5,6 +5,7 @@
 //! degrees in the file. Leaves out the job itself: outline, scale and place are the input's.
 
 pub mod aperture_text;
+pub mod arms;
 pub mod axes_words;
 mod check;
 mod choices;

@@ -14,6 +14,7 @@ Examples:
   headway export part.hwj --to csv --every-ms 2 --output poses.csv
   headway export part.hwj --to csv --joints --every-ms 2 -o joints.csv
   headway export part.hwj --to ros2-yaml --every-ms 10 --joint-names j1,j2,j3,j4,j5,j6 -o part.yaml
+  headway export wall.hwj --to rapid --tool nozzle --work-object bed -o wall.mod
   headway export part.hwj --to svg --layer 5 --colour width > layer-5.svg
   headway export part.hwj --to gcode --dialect klipper -o part.gcode")]
 pub(crate) struct ExportArgs {
@@ -50,7 +51,41 @@ pub(crate) struct ExportArgs {
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
+    pub program: ProgramArgs,
+    #[command(flatten)]
     pub gcode: GcodeArgs,
+}
+
+/// What a program of a robot's controller is written like.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Programs of robots")]
+pub(crate) struct ProgramArgs {
+    /// Largest distance of the tip and of the nozzle's end from the job's, mm [default: 2 % of the narrow bead].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub tolerance: Option<f64>,
+    /// Tool on the controller: a name for rapid, a number of TOOL_DATA for krl [default: hw_nozzle; 1].
+    #[arg(long, value_name = "NAME")]
+    pub tool: Option<String>,
+    /// Work object for rapid, number of BASE_DATA for krl, feature for urscript, 54 to 57 for sinumerik [default: hw_bed;
+    /// 1; the machine file's base; 54].
+    #[arg(long, value_name = "NAME")]
+    pub work_object: Option<String>,
+    /// Largest file, kB; the next part is another file [default: 4000 for krl, 10000 for the others].
+    #[arg(long, value_name = "KB")]
+    pub max_kb: Option<u32>,
+}
+
+impl ProgramArgs {
+    /// The first of them that is given.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let given = [
+            ("--tolerance", self.tolerance.is_some()),
+            ("--tool", self.tool.is_some()),
+            ("--work-object", self.work_object.is_some()),
+            ("--max-kb", self.max_kb.is_some()),
+        ];
+        given.into_iter().find_map(|(name, is)| is.then_some(name))
+    }
 }
 
 /// What heaters do at a job's end.
@@ -143,4 +178,12 @@ pub(crate) enum ExportName {
     Ros2Yaml,
     /// Moves for another controller, of the --dialect.
     Gcode,
+    /// Modules of RAPID, for arms of ABB.
+    Rapid,
+    /// Modules of KRL, for arms of KUKA.
+    Krl,
+    /// A script for arms of Universal Robots.
+    Urscript,
+    /// G-code of a Sinumerik with X, Y, Z and a heading axis C.
+    Sinumerik,
 }

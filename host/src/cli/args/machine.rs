@@ -9,6 +9,7 @@ use std::path::PathBuf;
 #[command(after_help = "\
 Examples:
   headway machine new --kind planar > my-printer.toml
+  headway machine new --arm kuka-kr-150-r3100-2 -o my-arm.toml
   headway machine check my-printer.toml
   headway machine firmware my-printer.toml -o my-printer.bin")]
 pub(crate) struct MachineArgs {
@@ -23,6 +24,9 @@ pub(crate) enum MachineCommand {
         /// Kinematics of the machine.
         #[arg(long, value_enum, default_value = "planar")]
         kind: KindName,
+        /// A published arm whose wrist turns the nozzle, by its maker's data, such as abb-irb-4600-60-205; `list` names all.
+        #[arg(long, value_name = "MODEL", conflicts_with = "kind")]
+        arm: Option<String>,
         /// Name of the machine in messages and job files [default: the kind].
         #[arg(long)]
         name: Option<String>,

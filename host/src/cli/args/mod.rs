@@ -21,7 +21,7 @@ use crate::cli::args::compare::{CompareArgs, HeadingAxis};
 use crate::cli::args::export::ExportArgs;
 use crate::cli::args::inspect::InspectArgs;
 use crate::cli::args::machine::MachineArgs;
-use crate::cli::args::other_names::OtherNames;
+use crate::cli::args::other_names::{OtherNames, named};
 use crate::cli::args::replan::ReplanArgs;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
 pub(crate) use names::FormatName;
@@ -366,6 +366,8 @@ pub(crate) struct SimulateArgs {
     /// Folder for figures and pictures; created if missing.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::AnyPath)]
     pub report: Option<OutputPath>,
+    #[arg(short = 'o', long = "output", hide = true, value_parser = named("--report"))]
+    not_output: Option<String>,
     /// Table of the poses of the simulated steps.
     #[arg(long, value_name = "F.csv", value_hint = ValueHint::AnyPath)]
     pub trace: Option<OutputPath>,

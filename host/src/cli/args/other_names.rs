@@ -3,7 +3,8 @@
 use clap::Args;
 use clap::builder::UnknownArgumentValueParser;
 
-fn named(option: &'static str) -> UnknownArgumentValueParser {
+/// A parser of nothing: the option is refused, and another one named.
+pub(super) fn named(option: &'static str) -> UnknownArgumentValueParser {
     UnknownArgumentValueParser::suggest_arg(option)
 }
 

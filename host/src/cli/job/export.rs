@@ -2,7 +2,7 @@
 
 use crate::cli::args::export::{ExportArgs, ExportName};
 use crate::cli::error::CliError;
-use crate::cli::job::export_gcode;
+use crate::cli::job::{export_gcode, export_program};
 use crate::cli::plan::planned;
 use crate::cli::reading::job;
 use crate::cli::reading::job::Job;
@@ -48,12 +48,21 @@ pub(crate) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
             "--joint-names goes with --to ros2-json and --to ros2-yaml".to_string(),
         ));
     }
+    let language = export_program::language(args.to);
+    if let (None, Some(option)) = (language, args.program.given()) {
+        return Err(CliError::Usage(format!(
+            "{option} goes with programs: --to rapid, krl, urscript or sinumerik"
+        )));
+    }
+    if let Some(language) = language {
+        return export_program::run(&job::read(&args.job)?, language, args, console);
+    }
     let kind = match args.to {
         ExportName::Csv => TABLE,
         ExportName::Svg => PICTURE,
         ExportName::Json | ExportName::Ros2Json => JSON,
         ExportName::Ros2Yaml => YAML,
-        ExportName::Gcode => GCODE,
+        _ => GCODE,
     };
     let output = args.output.as_ref();
     let output = output
@@ -72,9 +81,9 @@ pub(crate) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
             return joints(&job, args, output, console);
         }
         ExportName::Csv => return csv(&job, args, output, console),
-        ExportName::Gcode => return export_gcode::run(&job, args, output, console),
         ExportName::Svg => svg(planned::of_job(job), args)?,
         ExportName::Json => format!("{:#}\n", json(&job)),
+        _ => return export_gcode::run(&job, args, output, console),
     };
     console.result_to(output, &text)
 }

@@ -3,6 +3,7 @@
 
 pub(crate) mod export;
 pub(crate) mod export_gcode;
+pub(crate) mod export_program;
 pub(crate) mod inspect;
 pub(crate) mod simulate;
 pub(crate) mod view;

@@ -131,6 +131,11 @@ pub(crate) fn input(
                 path,
                 what: "a job, which is planned: simulate, export or stream it",
             },
+            Some("src" | "dat" | "mod" | "prg" | "script" | "urp") => InputError::NoInput {
+                path,
+                what: "a robot's program: these are written (headway export --to rapid, krl, urscript) and not read; give its \
+                       path as waypoints (.wpt) or G-code",
+            },
             Some("toml") => InputError::NoInput {
                 path,
                 what: "a machine file: give it with -m, and the part as the input",

@@ -3,6 +3,7 @@
 use crate::job::file::MAGIC;
 use crate::joint_export::tables::FIRST_COLUMNS;
 use crate::plan::headings::headings_table::HEADER;
+use crate::programs::text::WRITTEN_BY;
 use crate::report::pose_table::POSE_HEADER;
 use headway_firmware::settings::BoardSettings;
 
@@ -46,6 +47,9 @@ pub(crate) const MACHINE: ResultKind = kind("a machine file", |head| {
 .kept();
 /// A log is what a print is resumed from: none is ever replaced.
 pub(crate) const LOG: ResultKind = kind("an empty file", |_| false).kept();
+pub(crate) const PROGRAM: ResultKind = kind("a program of headway", |head| {
+    String::from_utf8_lossy(head).contains(WRITTEN_BY)
+});
 pub(crate) const TABLE: ResultKind = kind("a table of headway", |head| {
     let joints = FIRST_COLUMNS.join(",");
     let heads = [POSE_HEADER, "t_us,motor,dir", HEADER, &joints];

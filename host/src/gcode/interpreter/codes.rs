@@ -306,6 +306,23 @@ impl Interpreter {
     }
 }
 
+/// Words of Sinumerik that make curves of the points behind them.
+pub(super) fn is_curve(name: &str) -> bool {
+    matches!(
+        name,
+        "BSPLINE" | "CSPLINE" | "ASPLINE" | "POLY" | "CIP" | "CT"
+    )
+}
+
+/// The refusal of such a word.
+pub(super) fn no_corners(code: String, line: usize) -> GcodeError {
+    GcodeError::NotRead {
+        line,
+        code,
+        remedy: "the points behind it are no corners of a path; let the post-processor write straight moves (G1)",
+    }
+}
+
 /// RepRapFirmware's conditions and loops, and subprograms by their number.
 pub(super) fn is_computed(name: &str, command: &str) -> bool {
     const META: [&str; 7] = ["if", "elif", "else", "while", "break", "continue", "abort"];

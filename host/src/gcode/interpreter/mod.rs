@@ -298,6 +298,9 @@ impl Interpreter {
             "M400" | "M73" | "M105" => {}
             // The second one ends a program.
             "%" => self.ended = !self.found.steps.is_empty(),
+            _ if codes::is_curve(&name) => {
+                return Err(codes::no_corners(name, number));
+            }
             _ if codes::is_computed(&name, command) => {
                 return Err(GcodeError::Computed { line: number });
             }

@@ -21,7 +21,7 @@ mod heat;
 pub mod limits;
 pub mod lines;
 mod moves;
-mod poses;
+pub(crate) mod poses;
 mod pushes;
 pub mod read_back;
 pub mod template;

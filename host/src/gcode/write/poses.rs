@@ -28,14 +28,14 @@ pub(super) fn event_ticks(stream: &SegmentStream) -> Vec<(u64, FlowAction, f64, 
 }
 
 /// Poses at ticks that do not fall by more than a span.
-pub(super) struct Poses<'a> {
+pub(crate) struct Poses<'a> {
     stream: &'a SegmentStream,
     spans: Spans<'a>,
     span: Option<Span>,
 }
 
 impl<'a> Poses<'a> {
-    pub(super) fn new(stream: &'a SegmentStream) -> Poses<'a> {
+    pub(crate) fn new(stream: &'a SegmentStream) -> Poses<'a> {
         let mut spans = stream.spans();
         let span = spans.next();
         Poses {
@@ -45,7 +45,7 @@ impl<'a> Poses<'a> {
         }
     }
 
-    pub(super) fn at(&mut self, tick: u64) -> [f64; CHANNELS] {
+    pub(crate) fn at(&mut self, tick: u64) -> [f64; CHANNELS] {
         if self
             .span
             .as_ref()

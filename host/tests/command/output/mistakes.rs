@@ -178,7 +178,8 @@ const MACHINE_KEY: [Mistake; 5] = [
     ),
     ("machine check @/name.toml", 1, "the key `name` is missing"),
 ];
-const OUTPUTS: [Mistake; 6] = [
+const OUTPUTS: [Mistake; 7] = [
+    ("simulate @/ok.hwj -o @/x", 2, "'--report'"),
     (
         "plan @/ok.json -o @/ok.json",
         2,
@@ -201,6 +202,97 @@ const OUTPUTS: [Mistake; 6] = [
     ),
     ("machine new -o @/key.toml", 2, "replace it with --force"),
     ("export @/ok.hwj --to gcod", 2, "gcode"),
+];
+const PROGRAMS: [Mistake; 21] = [
+    ("export @/ok.hwj --to rapid", 2, "give -o part.mod"),
+    (
+        "export @/ok.hwj --to rapid -o @/part.src",
+        2,
+        "ends in .mod",
+    ),
+    (
+        "export @/ok.hwj --to rapid -o @/part.mod",
+        2,
+        "arms of six joints",
+    ),
+    (
+        "export @/ok.hwj --to krl -o @/part.src",
+        2,
+        "arms of six joints",
+    ),
+    (
+        "export @/arm.hwj --to sinumerik -o @/part.mpf",
+        2,
+        "gantries that stay upright",
+    ),
+    (
+        "export @/arm.hwj --to rapid -o @/a-long-name.mod",
+        2,
+        "letters, digits and underscores",
+    ),
+    (
+        "export @/arm.hwj --to krl -o @/7part.src",
+        2,
+        "a letter first",
+    ),
+    (
+        "export @/arm.hwj --to rapid -o @/p.mod --tool 1x",
+        2,
+        "--tool 1x: a name of RAPID",
+    ),
+    (
+        "export @/arm.hwj --to krl -o @/p.src --tool nozzle",
+        2,
+        "the number of TOOL_DATA, 1 to 16",
+    ),
+    (
+        "export @/arm.hwj --to krl -o @/p.src --work-object 40",
+        2,
+        "the number of BASE_DATA, 1 to 32",
+    ),
+    (
+        "export @/arm.hwj --to urscript -o @/p.script --tool t",
+        2,
+        "the TCP that is active",
+    ),
+    (
+        "export @/arm.hwj --to urscript -o @/p.script --work-object b;",
+        2,
+        "a feature of the installation",
+    ),
+    (
+        "export @/ok.hwj --to sinumerik -o @/p.mpf --work-object 60",
+        2,
+        "54 to 57",
+    ),
+    (
+        "export @/ok.hwj --to sinumerik -o @/p.mpf --tolerance 0",
+        2,
+        "--tolerance 0: give 0.001 to 20 mm",
+    ),
+    (
+        "export @/ok.hwj --to sinumerik -o @/p.mpf --tolerance nan",
+        2,
+        "give 0.001 to 20 mm",
+    ),
+    (
+        "export @/ok.hwj --to sinumerik -o @/p.mpf --max-kb 1",
+        2,
+        "give at least 16",
+    ),
+    (
+        "export @/ok.hwj --to gcode --dialect klipper --tool x",
+        2,
+        "--tool goes with programs",
+    ),
+    ("export @/cut.hwj --to sinumerik -o @/p.mpf", 1, "cut.hwj"),
+    ("machine new --arm irb", 2, "known are abb-irb-2600"),
+    ("plan @/robot.src -o @/x.hwj", 2, "a robot's program"),
+    (
+        "plan @/curve.mpf -o @/x.hwj",
+        1,
+        "line 3: BSPLINE is not read",
+    ),
 ];
 
 /// The files that the mistakes name.
@@ -244,6 +336,28 @@ fn files(folder: &Path) {
         "-o",
         path(&job),
     ]));
+    let arm = folder.join("arm.toml");
+    succeeded(&headway(&[
+        "machine",
+        "new",
+        "--arm",
+        "kuka-kr-10-r1100-sixx",
+        "-o",
+        path(&arm),
+    ]));
+    succeeded(&headway(&[
+        "plan",
+        &example("taper.json"),
+        "-m",
+        path(&arm),
+        "-o",
+        path(&folder.join("arm.hwj")),
+    ]));
+    write("robot.src", b"DEF part( )\nEND\n");
+    write(
+        "curve.mpf",
+        b"G90\nG1 X0 Y0 Z0.2 F600\nBSPLINE\nX1 E1\nX2 Y1 E2\n",
+    );
     let job = std::fs::read(job).expect("a job");
     write("cut.hwj", &job[..job.len() / 2]);
 }
@@ -252,7 +366,7 @@ fn files(folder: &Path) {
 fn mistakes_are_told_with_what_to_do() {
     let folder = folder("mistakes");
     files(&folder);
-    let tables: [&[Mistake]; 8] = [
+    let tables: [&[Mistake]; 9] = [
         &MISSING,
         &WRONG_KIND,
         &CUT_OFF,
@@ -261,6 +375,7 @@ fn mistakes_are_told_with_what_to_do() {
         &BAD_UNIT,
         &MACHINE_KEY,
         &OUTPUTS,
+        &PROGRAMS,
     ];
     let mut wrong = Vec::new();
     for (line, status, part) in tables.into_iter().flatten() {

@@ -16,7 +16,7 @@ use rand::{RngExt, SeedableRng};
 use std::f64::consts::TAU;
 use std::path::Path;
 
-fn machine(name: &str) -> Settings {
+pub fn machine(name: &str) -> Settings {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../examples/machines")
         .join(name);

@@ -21,7 +21,7 @@ use std::path::Path;
 const WRIST: usize = 5;
 
 /// An example arm without a joint for its nozzle, its wrist between these degrees.
-fn arm(name: &str, wrist_deg: f64) -> Settings {
+pub fn arm(name: &str, wrist_deg: f64) -> Settings {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../examples/machines/{name}"));
     let text = std::fs::read_to_string(path).unwrap();
     let nozzle = text.find("[joints.h]").unwrap();
@@ -45,7 +45,7 @@ fn third_arm() -> Settings {
     settings
 }
 
-fn target(name: &str) -> Target {
+pub fn target(name: &str) -> Target {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../examples/{name}"));
     let format = match name.ends_with(".json") {
         true => Format::Polygon,

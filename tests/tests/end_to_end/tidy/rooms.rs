@@ -50,6 +50,7 @@ const HOUSES: [House; 3] = [
             "plan",
             "calibration",
             "joint_export",
+            "programs",
             "pipeline",
             "api",
             "cli",

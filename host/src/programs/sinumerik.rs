@@ -1,0 +1,163 @@
+//! Sinumerik G-code of a gantry with a heading axis: X Y Z and C, counted over turns.
+//!
+//! In: procedures. Out: `name.mpf` with subprograms for the layers, called by EXTCALL where it is too large. Source: Siemens,
+//! SINUMERIK 840D sl Programming Manual Fundamentals and Job planning: FGROUP, G642 with CTOL and OTOL, G9, G4, SOFT.
+
+use super::procedures::Procedure;
+use super::text::{WRITTEN_BY, checked_number, digits, program_name, rounded_down, short};
+use super::walk::{Block, Place, Walk};
+use super::{Language, Program, ProgramError, ProgramFile, ProgramJob, ProgramOptions};
+use super::{in_files, stops_note};
+use crate::gcode::write::is_tilting;
+use headway_firmware::configuration::Kinematics;
+
+/// Digits of C, degrees.
+const HEADING_DIGITS: usize = 4;
+/// OTOL: what is promised of the heading, degrees.
+const HEADING_DEG: f64 = 0.05;
+/// Digits of F that count.
+const FEED_DIGITS: i32 = 4;
+/// Feed to the start, mm/min.
+const START_MM_MIN: u32 = 1000;
+
+struct Sinumerik {
+    digits: usize,
+    layers: u32,
+}
+
+/// What the text so far has set.
+#[derive(Default)]
+struct Set {
+    words: [String; 4],
+    feed: f64,
+}
+
+/// The program's files.
+pub(super) fn program(
+    job: &ProgramJob,
+    options: &ProgramOptions,
+    walk: &Walk,
+    procedures: Vec<Procedure>,
+) -> Result<Program, ProgramError> {
+    if job.machine.kinematics != Kinematics::Planar || is_tilting(job.stream) {
+        return Err(ProgramError::Machine {
+            language: Language::Sinumerik.name(),
+            needs: "gantries that stay upright, with X, Y, Z and C (kinematics = \"planar\")",
+        });
+    }
+    if let Some(tool) = &options.tool {
+        return Err(ProgramError::Name {
+            option: "--tool",
+            given: tool.clone(),
+            rule: "the tool of a Sinumerik is the one that is active",
+        });
+    }
+    let frame = checked_number(
+        &options.work_object,
+        54,
+        "--work-object",
+        57,
+        "the number of the frame, 54 to 57 (G54 to G57)",
+    )?;
+    let nc = Sinumerik {
+        digits: digits(options),
+        layers: walk.layers,
+    };
+    let name = program_name(options)?;
+    let (parts, stops) = in_files(procedures, options, |of| nc.procedure(of));
+    let is_one = parts.len() == 1;
+    let mut main = format!(
+        "; {WRITTEN_BY}: {} layers\nG90 G71 G94 G{frame} D0\nFGROUP(X,Y,Z)\nG642 CTOL={} OTOL={HEADING_DEG}\nSOFT\n{}",
+        walk.layers,
+        short(options.tolerance_mm, 4),
+        nc.approach(&walk.start)
+    );
+    let mut files = Vec::new();
+    for (number, part) in (1..).zip(parts) {
+        let body: String = part.into_iter().map(|(_, text)| text).collect();
+        if is_one {
+            main += &body;
+            continue;
+        }
+        let file = format!("{name}_{number}.SPF");
+        main += &format!("EXTCALL \"{file}\"\n");
+        files.push(ProgramFile {
+            name: file,
+            text: format!("; {WRITTEN_BY}\n{body}M17\n"),
+        });
+    }
+    main += "M30\n";
+    files.insert(
+        0,
+        ProgramFile {
+            name: format!("{}.{}", options.name, Language::Sinumerik.ending()),
+            text: main,
+        },
+    );
+    let mut notes = vec![format!(
+        "G{frame} is the machine file's coordinates, C = 0 is the nozzle's long side along X; C counts turns and is no modulo axis"
+    )];
+    notes.extend(stops_note(stops));
+    Ok(Program {
+        files,
+        notes,
+        ..Program::default()
+    })
+}
+
+impl Sinumerik {
+    fn words(&self, of: &Place) -> [String; 4] {
+        let [x, y, z] = of.tip_mm.map(|mm| short(mm, self.digits));
+        let c = short(of.heading_rad.to_degrees(), HEADING_DIGITS);
+        [
+            format!("X{x}"),
+            format!("Y{y}"),
+            format!("Z{z}"),
+            format!("C{c}"),
+        ]
+    }
+
+    /// Z alone first: the head stands anywhere.
+    fn approach(&self, start: &Place) -> String {
+        let [x, y, z, c] = self.words(start);
+        format!("G1 {z} F{START_MM_MIN}\nG9 {x} {y} {c}\n")
+    }
+
+    fn procedure(&self, of: &Procedure) -> String {
+        let mut text = format!("; {}\n", of.title(self.layers));
+        let mut set = Set::default();
+        for step in &of.steps {
+            match &step.block {
+                Some(block) => self.block(block, &mut set, &mut text),
+                None => text += &format!("G4 F{}\n", short(step.seconds, 3)),
+            }
+        }
+        text
+    }
+
+    fn block(&self, block: &Block, set: &mut Set, text: &mut String) {
+        let words = self.words(&block.to);
+        let changed = words
+            .iter()
+            .zip(&set.words)
+            .filter(|(now, before)| now != before);
+        let changed: Vec<&str> = changed.map(|(now, _)| now.as_str()).collect();
+        if changed.is_empty() {
+            return;
+        }
+        // Millimetres a minute; of C alone degrees a minute.
+        let feed = match changed.as_slice() {
+            [only] if only.starts_with('C') => 60.0 * block.turn_deg_s(),
+            _ => 60.0 * block.speed_mm_s,
+        };
+        let feed = rounded_down(feed, FEED_DIGITS);
+        let stops = if block.blend_mm > 0.0 { "" } else { " G9" };
+        *text += &format!("G1{stops} {}", changed.join(" "));
+        if feed != set.feed {
+            *text += &format!(" F{}", short(feed, 4));
+        }
+        text.push('\n');
+        set.words = words;
+        set.feed = feed;
+    }
+}

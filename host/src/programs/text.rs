@@ -1,0 +1,84 @@
+//! Numbers and names as programs have them.
+
+use super::{ProgramError, ProgramOptions};
+
+/// Longest name of a program: with the endings of layers RAPID's 32 and KRL's 24 characters.
+const NAME_MAX: usize = 16;
+/// What every file has in a comment, by which it is known again.
+pub const WRITTEN_BY: &str = "written by headway";
+
+/// Digits after the point for lengths in mm: a rounding of at most a tenth of the tolerance.
+pub(super) fn digits(options: &ProgramOptions) -> usize {
+    let places = (5.0 / options.tolerance_mm).log10().ceil();
+    (places.max(2.0) as usize).min(4)
+}
+
+/// A number without needless digits.
+pub(super) fn short(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let text = match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => &text,
+    };
+    match text {
+        "-0" => "0".to_string(),
+        text => text.to_string(),
+    }
+}
+
+/// A number with so many digits that count, rounded down.
+pub(super) fn rounded_down(value: f64, digits: i32) -> f64 {
+    if value <= 0.0 {
+        return 0.0;
+    }
+    let unit = 10f64.powi(value.log10().floor() as i32 + 1 - digits);
+    (value / unit).floor() * unit
+}
+
+/// The program's name, where it is one in all four languages.
+pub(super) fn program_name(options: &ProgramOptions) -> Result<&str, ProgramError> {
+    let given = Some(&options.name);
+    let rule = "a program's name has letters, digits and underscores, a letter first, at most 16";
+    checked_name(given, "", "--output", NAME_MAX, rule)
+}
+
+/// A name that was given, where it is an identifier of at most `most` characters.
+pub(super) fn checked_name<'a>(
+    given: Option<&'a String>,
+    usual: &'a str,
+    option: &'static str,
+    most: usize,
+    rule: &'static str,
+) -> Result<&'a str, ProgramError> {
+    let Some(name) = given else { return Ok(usual) };
+    let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
+    match is_plain && begins && name.len() <= most {
+        true => Ok(name),
+        false => Err(ProgramError::Name {
+            option,
+            given: name.chars().take(40).collect(),
+            rule,
+        }),
+    }
+}
+
+/// A number that was given.
+pub(super) fn checked_number(
+    given: &Option<String>,
+    usual: u32,
+    option: &'static str,
+    most: u32,
+    rule: &'static str,
+) -> Result<u32, ProgramError> {
+    let Some(text) = given else { return Ok(usual) };
+    let number = text
+        .parse()
+        .ok()
+        .filter(|number| (1..=most).contains(number));
+    number.ok_or_else(|| ProgramError::Name {
+        option,
+        given: text.chars().take(40).collect(),
+        rule,
+    })
+}
