@@ -8,7 +8,8 @@
 //! [`outlines`] (of any size), [`beads`] (as they are laid), [`centre_line`] (a slicer's, against the
 //! stream), [`written_path`] (a stream against what was written of it), [`rs274`] (another interpreter of
 //! G-code), [`plain_gcode`] (one of printers' files),
-//! [`parts`] (that no constant was chosen on), [`thermal`] (heaters to heat and to break),
+//! [`parts`] (that no constant was chosen on),
+//! [`robot_programs`] (interpreters of robots' languages), [`thermal`] (heaters to heat and to break),
 //! [`two_hosts`] (and a board, and what may happen between them), [`folders`] (of reference data), [`cpu_clock`] (for benches),
 //! [`elf`] (what a controller binary holds),
 //! [`emulation`] (of the boards' images, over a model of their chip).
@@ -33,6 +34,7 @@ pub mod outlines;
 pub mod parts;
 pub mod plain_gcode;
 pub mod rig;
+pub mod robot_programs;
 pub mod routes;
 pub mod rs274;
 pub mod segment_oracle;

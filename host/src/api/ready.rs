@@ -101,7 +101,8 @@ impl Ready {
                 Some(asked) => Work::Curved(loaded.mesh, asked),
                 None => {
                     let range = options.layer_range;
-                    let first_mm = options.first_layer_height_mm;
+                    let own_mm = settings.first_layer_height_mm;
+                    let first_mm = options.first_layer_height_mm.or(own_mm);
                     let heights = LayerHeights::of(
                         settings.layer_height_mm,
                         first_mm,

@@ -173,7 +173,7 @@ pub fn material_events(material: &Material, marks: &[Mark]) -> Vec<HeatEvent> {
         }
     }
     if material.fan_pct > 0.0 {
-        let from = layer_tick(material.fan_from_layer.unwrap_or(1).saturating_sub(1));
+        let from = layer_tick(material.fan_from_layer.unwrap_or(2).saturating_sub(1));
         let fan_pct = material.fan_pct;
         push(from, HeatOrder::Fan { fan_pct });
         push(from.map(|_| last.end_tick), HeatOrder::Fan { fan_pct: 0.0 });

@@ -11,6 +11,9 @@ use super::{in_files, stops_note};
 use crate::gcode::write::is_tilting;
 use headway_firmware::configuration::Kinematics;
 
+/// Share of the tolerance that CTOL has: as large a rounding as the speeds need; with more, blocks are left too early for
+/// theirs to be reached.
+const CONTOUR_SHARE: f64 = 0.15;
 /// Digits of C, degrees.
 const HEADING_DIGITS: usize = 4;
 /// OTOL: what is promised of the heading, degrees.
@@ -69,7 +72,7 @@ pub(super) fn program(
     let mut main = format!(
         "; {WRITTEN_BY}: {} layers\nG90 G71 G94 G{frame} D0\nFGROUP(X,Y,Z)\nG642 CTOL={} OTOL={HEADING_DEG}\nSOFT\n{}",
         walk.layers,
-        short(options.tolerance_mm, 4),
+        short(CONTOUR_SHARE * options.tolerance_mm, 4),
         nc.approach(&walk.start)
     );
     let mut files = Vec::new();

@@ -151,6 +151,7 @@ impl Settings {
             avoid_crossing: false,
             kinds: super::kinds::Kinds::default(),
             bridge_max_mm: None,
+            first_layer_height_mm: None,
             layer_time_min_s: 0.0,
             slow_speed_min_mm_s: 10.0,
             wide_beads: Default::default(),

@@ -42,6 +42,8 @@ keys! {
         /// All of the same outline.
         layers: CountFromTwo = layers, Within(1.0, LAYERS_MAX as f64);
         layer_height_mm: Plain = layer_height_mm, Within(0.001, 500.0);
+        /// Of a mesh in flat layers.
+        first_layer_height_mm: Known = first_layer_height_mm, Within(0.001, 500.0);
         speed_mm_s: Plain = speed_mm_s, TIP_SPEED;
         travel_speed_mm_s: Plain = travel_speed_mm_s, TIP_SPEED;
         tip_acceleration_mm_s2: Plain = tip_acceleration_mm_s2, Within(1.0, 1e7);

@@ -18,7 +18,7 @@ pub struct Material {
     pub first_layer_hot_end_c: Option<f64>,
     /// Bed while the first layer is printed, °C, where it differs.
     pub first_layer_bed_c: Option<f64>,
-    /// Layer, from 1, with which the fan comes on; `None` is the first.
+    /// Layer, from 1, with which the fan comes on; `None` is the second.
     pub fan_from_layer: Option<u32>,
     /// How long a pause keeps its heat, min; `None` is the host's own 120.
     pub pause_heat_max_min: Option<f64>,

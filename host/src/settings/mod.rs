@@ -241,6 +241,8 @@ pub struct Settings {
     pub layers: u32,
     /// Layer height.
     pub layer_height_mm: f64,
+    /// Height of the first layer of a mesh, where it differs.
+    pub first_layer_height_mm: Option<f64>,
     /// Tip speed while printing.
     pub speed_mm_s: f64,
     /// Tip speed while travelling.

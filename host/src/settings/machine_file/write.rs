@@ -45,8 +45,7 @@ const MATERIAL_TO_FILL_IN: &str = "
 # hot_end_c = 215
 # bed_c = 60
 # fan_pct = 100
-# The fan is off on the first layer, which may be hotter, slower and, of a mesh, higher (--first-layer-height).
-# fan_from_layer = 2
+# The fan is off on the first layer, which may be hotter, slower and, of a mesh, higher ([print] first_layer_height_mm).
 # first_layer_hot_end_c = 220
 # first_layer_bed_c = 65
 # [kinds.first_layer]

@@ -72,6 +72,30 @@ fn a_mesh_is_inspected_by_layers() {
     assert!(notes.contains("1 of the ranges lie above"), "{notes}");
 }
 
+/// Goal: the first layer's height may stand in the machine file, and the option goes over it. Method: the heights of the
+/// first two layers.
+#[test]
+fn a_machine_file_has_the_first_layers_height() {
+    let folder = folder("first-height");
+    let machine = folder.join("machine.toml");
+    let text = succeeded(&headway(&["machine", "new"]));
+    let own = "layer_height_mm = 0.2\n";
+    let first = format!("{own}first_layer_height_mm = 0.3\n");
+    std::fs::write(&machine, text.replacen(own, &first, 1)).expect("written");
+    let job = folder.join("hook.hwj");
+    let heights = |more: &[&str]| {
+        let hook = example("hook.stl");
+        let plan = ["plan", &hook, "-m", path(&machine), "-o", path(&job)];
+        let some = ["--layer-range", "1-2", "--quality", "fast", "--json"];
+        let figures = object(&headway(&[&plan[..], &some, more].concat()));
+        let layers = figures["by_layer"].as_array().expect("layers").clone();
+        let heights = layers.iter().map(|layer| layer["height_mm"].as_f64());
+        heights.map(|mm| mm.expect("a height")).collect::<Vec<_>>()
+    };
+    assert_eq!(heights(&[]), [0.3, 0.2]);
+    assert_eq!(heights(&["--first-layer-height", "0.25"]), [0.25, 0.2]);
+}
+
 /// Goal: a range of layers of the hook becomes a job, runs without a fault and lies at its height.
 /// Method: simulated; the poses of the job.
 #[test]
