@@ -1,6 +1,7 @@
 //! Numbers and names as programs have them.
 
 use super::{ProgramError, ProgramOptions};
+pub(super) use crate::gcode::write::short;
 
 /// Longest name of a program: with the endings of layers RAPID's 32 and KRL's 24 characters.
 const NAME_MAX: usize = 16;
@@ -11,19 +12,6 @@ pub const WRITTEN_BY: &str = "written by headway";
 pub(super) fn digits(options: &ProgramOptions) -> usize {
     let places = (5.0 / options.tolerance_mm).log10().ceil();
     (places.max(2.0) as usize).min(4)
-}
-
-/// A number without needless digits.
-pub(super) fn short(value: f64, digits: usize) -> String {
-    let text = format!("{value:.digits$}");
-    let text = match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.'),
-        false => &text,
-    };
-    match text {
-        "-0" => "0".to_string(),
-        text => text.to_string(),
-    }
 }
 
 /// A number with so many digits that count, rounded down.

@@ -224,7 +224,10 @@ fn left_out(figures: &Figures) -> Option<String> {
     let hanging = figures.overhang_mm2.filter(|mm2| *mm2 > 0.0);
     let parts = [
         unreachable.map(|mm| format!("{mm:.1} mm of the boundary are out of the nozzle's reach")),
-        (regions > 0).then(|| format!("{regions} regions are not printed")),
+        (regions > 0).then(|| match regions {
+            1 => "1 region is not printed".to_string(),
+            _ => format!("{regions} regions are not printed"),
+        }),
         hanging.map(|mm2| format!("{mm2:.1} mm² hang over nothing")),
     ];
     let parts: Vec<String> = parts.into_iter().flatten().collect();

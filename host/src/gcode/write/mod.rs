@@ -454,7 +454,7 @@ impl<W: Write> Writer<'_, W> {
 }
 
 /// A number without needless digits.
-fn short(value: f64, decimals: usize) -> String {
+pub(crate) fn short(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let text = match text.contains('.') {
         true => text.trim_end_matches('0').trim_end_matches('.'),

@@ -36,10 +36,10 @@ use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::report::Place;
 use crate::report::figures::{
-    CurvedLayerFigures, Figures, Inside, KindFigures, SlowPlaceFigures, UnevenFigures,
+    CurvedLayerFigures, Figures, Inside, KindFigures, LayerPlace, SlowPlaceFigures, UnevenFigures,
 };
 use crate::settings::Settings;
-use left_out::{left_out, longest_first};
+use left_out::{left_out, longest_first, of_figures};
 use objections::Objection;
 use run_notes::{corner_figures, run_notes};
 use settings_warnings::{high_layers, settings_warnings};
@@ -104,6 +104,7 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
         open_largest_mm2: largest_mm2(plan, &open),
         ..all_figures(plan, &unreachable, &uses, plan_s, settings)
     };
+    left_out.extend(of_figures(&figures, false));
     Findings {
         figures: figures.merged_with(&wide),
         objections,
@@ -132,7 +133,7 @@ fn all_figures(
     let cells = open_cells(plan, settings.aperture.minor_mm());
     let figures = Figures {
         rounded_corners: corner_figures(plan, settings),
-        ..plan_figures(plan, unreachable, plan_s)
+        ..plan_figures(plan, unreachable, plan_s, settings)
     };
     figures
         .merged_with(&use_figures(uses, plan.slowed, place_mm, settings))
@@ -185,8 +186,19 @@ fn places_of(unreachable: &[UnreachableRun]) -> impl Iterator<Item = [f64; 3]> {
     })
 }
 
-fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
+fn plan_figures(
+    plan: &Plan,
+    unreachable: &[UnreachableRun],
+    plan_s: f64,
+    settings: &Settings,
+) -> Figures {
     let f = &plan.figures;
+    let left_out = plan.left_out.iter().map(|left_out| LayerPlace {
+        x_mm: left_out.at.x,
+        y_mm: left_out.at.y,
+        z_mm: f64::from(left_out.layer + 1) * settings.layer_height_mm,
+        area_mm2: left_out.area_mm2,
+    });
     // A path has no area: these figures would mean nothing.
     let is_laid = plan.on_surface.is_some() || plan.curved_layers.is_some();
     let has_area = !plan.regions().is_empty() || is_laid;
@@ -207,6 +219,8 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         unreachable_mm: has_area.then_some(unreachable_mm + 0.0),
         unreachable_places_mm: has_area
             .then(|| places_of(unreachable).take(PLACES_LISTED).collect()),
+        left_out_places: (!plan.left_out.is_empty())
+            .then(|| left_out.take(PLACES_LISTED).collect()),
         outline_crossings: (!plan.regions().is_empty()).then_some(plan.outline_crossings as u64),
         skirt_mm: plan.skirt.is_some().then_some(f.skirt_mm),
         time_bound_s: Some(plan.motion.time_bound_s),

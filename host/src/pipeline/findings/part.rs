@@ -5,7 +5,7 @@
 use super::Findings;
 use super::left_out::{left_out, of_figures};
 use super::objections::{Objection, ObjectionKind};
-use super::run_notes::found_place;
+use super::run_notes::{found_place, not_printed};
 use super::settings_warnings::{high_layers, settings_warnings};
 use super::use_figures::{short_layers_note, stacked_figures, use_figures};
 use super::wide_beads::{Laid, LateLayers};
@@ -220,8 +220,8 @@ fn part_warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
             )
         });
         warnings.push(format!(
-            "{} regions, {all_mm2:.3} mm², are not printed; the largest: {}",
-            left_out.len(),
+            "{}; the largest: {}",
+            not_printed(left_out.len(), all_mm2),
             told.collect::<Vec<_>>().join("; ")
         ));
     }

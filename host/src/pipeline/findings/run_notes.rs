@@ -99,15 +99,22 @@ fn hangs(plan: &Plan) -> Option<String> {
     ))
 }
 
-/// Regions of curved and flat layers that are not printed.
+/// Regions that are not printed, their number and area in words.
+pub(super) fn not_printed(count: usize, area_mm2: f64) -> String {
+    match count {
+        1 => format!("1 region, {area_mm2:.3} mm², is not printed"),
+        _ => format!("{count} regions, {area_mm2:.3} mm², are not printed"),
+    }
+}
+
+/// Regions that are not printed.
 fn left_out(plan: &Plan) -> Option<String> {
-    plan.curved_layers.as_ref()?;
     let all_mm2: f64 = plan.left_out.iter().map(|own| own.area_mm2).sum();
     let largest = plan.left_out.iter();
     let largest = largest.max_by(|a, b| a.area_mm2.total_cmp(&b.area_mm2))?;
     Some(format!(
-        "{} regions, {all_mm2:.3} mm², are not printed; the largest: {:.3} mm² near ({:.2}, {:.2}) on layer {}: {}",
-        plan.left_out.len(),
+        "{}; the largest: {:.3} mm² near ({:.2}, {:.2}) on layer {}: {}",
+        not_printed(plan.left_out.len(), all_mm2),
         largest.area_mm2,
         largest.at.x,
         largest.at.y,

@@ -445,3 +445,27 @@ fn cross_section_needed(text: &str) -> f64 {
     }
     most
 }
+
+/// Goal: a region that no bead fits into is told, not left out in silence. Method: a square, and a speck beside it.
+#[test]
+fn a_region_too_small_for_the_nozzle_is_told() {
+    let folder = folder("speck");
+    let (drawing, job) = (folder.join("speck.geojson"), folder.join("speck.hwj"));
+    let square = "[[0,0],[9,0],[9,9],[0,9],[0,0]]";
+    let speck = "[[15,0],[15.1,0],[15.1,0.1],[15,0.1],[15,0]]";
+    let text = format!(r#"{{"type":"MultiPolygon","coordinates":[[{square}],[{speck}]]}}"#);
+    std::fs::write(&drawing, text).expect("written");
+    let plan = ["plan", path(&drawing), "-o", path(&job), "--json"];
+    let output = headway(&plan);
+    let figures = object(&output);
+    let places = figures["left_out_places"].as_array().expect("places");
+    assert_eq!(places.len(), 1, "{figures:?}");
+    let told = stderr(&output);
+    assert!(
+        told.contains("1 region, 0.010 mm², is not printed"),
+        "{told}"
+    );
+    assert!(told.contains("too narrow for the aperture"), "{told}");
+    let verdict = succeeded(&headway(&plan[..4]));
+    assert!(verdict.contains("1 region is not printed"), "{verdict}");
+}
