@@ -41,7 +41,13 @@ pub(crate) fn placed_part(
         settings: settings.clone(),
         found: None,
     };
+    let is_asked = settings.place == Place::Best && settings.at_mm.is_none();
     if winds(&settings.machine.kinematics) == 0 {
+        placed.found = is_asked.then_some(FoundPlace {
+            shift_mm: [0.0; 2],
+            reached: 1,
+            tried: 1,
+        });
         return Ok(placed);
     }
     let reach_at = |[x, y]: [f64; 2]| {
@@ -60,7 +66,7 @@ pub(crate) fn placed_part(
         box_reach([low, high], &start_pose(settings), settings).ok()
     };
     let mut reach = None;
-    if settings.place == Place::Best && settings.at_mm.is_none() {
+    if is_asked {
         let shifts = shifts(transform.room_mm(bounds, settings), PLACES);
         let reached: Vec<([f64; 2], BoxReach)> = shifts
             .par_iter()

@@ -127,6 +127,11 @@ fn left_out(plan: &Plan) -> Option<String> {
 pub(super) fn found_place(found: Option<FoundPlace>, transform: &PartTransform) -> Option<String> {
     let found = found?;
     let [x, y, z] = transform.offset_mm;
+    if found.tried == 1 {
+        return Some(format!(
+            "--place best: at {x:.3},{y:.3},{z:.3}, in the middle: this machine reaches every place alike"
+        ));
+    }
     Some(format!(
         "--place best: at {x:.3},{y:.3},{z:.3}; of {} positions tried the machine reaches all of it at {}",
         found.tried, found.reached
