@@ -72,8 +72,9 @@ pub(super) fn program(
             walk.layers
         );
         if options.work_object.is_none() {
-            text += &format!("  {own} = {}\n", bed(kinematics));
+            text += &format!("  global {own} = {}\n", bed(kinematics));
         }
+        text += &ur.blended();
         text.extend(part.iter().map(|(_, text)| text.as_str()));
         text += &format!("  movej({}, a=0.5, v=0.3)\n", ur.pose(&start));
         for (procedure, _) in part {
@@ -113,10 +114,15 @@ fn bed(kinematics: &Kinematics) -> String {
 }
 
 fn pose(tip_mm: [f64; 3], rotation: &Rotation3<f64>, digits: usize) -> String {
+    format!("p[{}]", numbers(tip_mm, rotation, digits))
+}
+
+/// The six numbers of a pose.
+fn numbers(tip_mm: [f64; 3], rotation: &Rotation3<f64>, digits: usize) -> String {
     let [x, y, z] = tip_mm.map(|mm| short(1e-3 * mm, digits));
     let turn = UnitQuaternion::from_rotation_matrix(rotation).scaled_axis();
     let [rx, ry, rz] = [turn.x, turn.y, turn.z].map(|rad| short(rad, ROTATION_DIGITS));
-    format!("p[{x},{y},{z},{rx},{ry},{rz}]")
+    format!("{x},{y},{z},{rx},{ry},{rz}")
 }
 
 impl UrScript {
@@ -125,6 +131,14 @@ impl UrScript {
             "pose_trans({},{})",
             self.frame,
             pose(of.tip_mm, &of.tool, self.digits)
+        )
+    }
+
+    /// A function for most of the blocks: half of the text.
+    fn blended(&self) -> String {
+        format!(
+            "  def hw(x,y,z,rx,ry,rz,v,r):\n    movep(pose_trans({},p[x,y,z,rx,ry,rz]),{},v,r)\n  end\n",
+            self.frame, self.acceleration_m_s2
         )
     }
 
@@ -145,7 +159,10 @@ impl UrScript {
         let v = short(1e-3 * rounded_down(block.speed_mm_s, 4), 7);
         match (block.is_turn(), blend_m > 0.0) {
             (true, _) => format!("movel({pose},t={})\n", short(block.seconds, 4)),
-            (false, true) => format!("movep({pose},{a},{v},{})\n", short(blend_m, 7)),
+            (false, true) => {
+                let place = numbers(block.to.tip_mm, &block.to.tool, self.digits);
+                format!("hw({place},{v},{})\n", short(blend_m, 7))
+            }
             (false, false) => format!("movel({pose},a={a},v={v})\n"),
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! In: the file of a program and the features of the installation. Out: [`Step`]s, mm, degrees and seconds. Source:
 //! "The URScript Programming Language", Universal Robots, versions 3.2 (2016) and SW 5.x/10.x (HTML script manual). Not
-//! covered: movec, set_tcp, conditions, loops, threads, functions with parameters, accelerations. A blend next to a
+//! covered: movec, set_tcp, conditions, loops, threads, accelerations. A blend next to a
 //! target in joint angles is not checked for overlap, as its place is not known without the kinematics.
 
 mod commands;
@@ -14,7 +14,7 @@ use std::rc::Rc;
 use super::joints::{Frame, chain, shift};
 use super::{ProgramError, SourceFile, Step};
 use commands::{Waypoint, bind, check_blends};
-use parser::{Action, Call, Expression, LineProblem, Statement};
+use parser::{Action, Call, Expression, Function, LineProblem, Statement};
 
 const DEPTH_MAX: usize = 64;
 
@@ -55,7 +55,7 @@ pub fn run_urscript(
         let (line, last) = last.ok_or_else(|| fail((1, "the program calls nothing".to_owned())))?;
         let has_main = run.scopes[0].functions.contains_key("main");
         let start = if has_main { "main" } else { &last };
-        run.call_function(start, line, 0).map_err(fail)?;
+        run.call_function(start, &[], line, 0).map_err(fail)?;
     }
     check_blends(&run.waypoints).map_err(fail)?;
     Ok(run.steps)
@@ -75,7 +75,7 @@ enum Value {
 struct Names {
     parent: Option<usize>,
     values: HashMap<String, Value>,
-    functions: HashMap<String, Rc<Vec<Statement>>>,
+    functions: HashMap<String, Rc<Function>>,
 }
 
 struct Run<'a> {
@@ -106,19 +106,28 @@ impl Run<'_> {
                     let nearest = self.outwards(scope).find(holds).unwrap_or(scope);
                     self.scopes[nearest].values.insert(name.clone(), value);
                 }
-                Action::Define(name, body) => {
+                Action::Global(name, value) => {
+                    let value = self.value(value, scope);
+                    let value = value.map_err(|problem| (line, problem))?;
+                    self.scopes[0].values.insert(name.clone(), value);
+                }
+                Action::Define(name, function) => {
                     let functions = &mut self.scopes[scope].functions;
-                    functions.insert(name.clone(), Rc::clone(body));
+                    functions.insert(name.clone(), Rc::clone(function));
                 }
                 Action::Call(call) => {
                     self.has_called = true;
                     if self.function(&call.name, scope).is_none() {
                         let done = self.command(call, line, scope);
                         done.map_err(|problem| (line, problem))?;
-                    } else if call.arguments.is_empty() {
-                        self.call_function(&call.name, line, scope)?;
                     } else {
-                        return Err((line, format!("{} has no parameters", call.name)));
+                        let given = call.arguments.iter().map(|(name, value)| match name {
+                            Some(name) => Err(format!("{name} is given by its name")),
+                            None => self.value(value, scope),
+                        });
+                        let given: Result<Vec<Value>, String> = given.collect();
+                        let given = given.map_err(|problem| (line, problem))?;
+                        self.call_function(&call.name, &given, line, scope)?;
                     }
                 }
             }
@@ -130,22 +139,38 @@ impl Run<'_> {
         std::iter::successors(Some(scope), |&inner| self.scopes[inner].parent)
     }
 
-    fn function(&self, name: &str, scope: usize) -> Option<(usize, Rc<Vec<Statement>>)> {
+    fn function(&self, name: &str, scope: usize) -> Option<(usize, Rc<Function>)> {
         let defined = |scope: usize| self.scopes[scope].functions.get(name).map(Rc::clone);
         self.outwards(scope)
             .find_map(|scope| Some((scope, defined(scope)?)))
     }
 
-    fn call_function(&mut self, name: &str, line: usize, scope: usize) -> Result<(), LineProblem> {
+    fn call_function(
+        &mut self,
+        name: &str,
+        given: &[Value],
+        line: usize,
+        scope: usize,
+    ) -> Result<(), LineProblem> {
         let found = self.function(name, scope);
         let found = found.filter(|_| self.scopes.len() <= DEPTH_MAX);
         let problem = || (line, format!("{name} is not there, or called too deep"));
-        let (parent, body) = found.ok_or_else(problem)?;
+        let (parent, function) = found.ok_or_else(problem)?;
+        if function.parameters.len() != given.len() {
+            let count = function.parameters.len();
+            return Err((line, format!("{name} has {count} parameters")));
+        }
+        let values = function
+            .parameters
+            .iter()
+            .cloned()
+            .zip(given.iter().cloned());
         self.scopes.push(Names {
             parent: Some(parent),
+            values: values.collect(),
             ..Names::default()
         });
-        self.body(&body, self.scopes.len() - 1)?;
+        self.body(&function.body, self.scopes.len() - 1)?;
         self.scopes.pop();
         Ok(())
     }
@@ -290,7 +315,7 @@ mod tests {
              set_standard_digital_out(0, 1)|movel([0, 0])|movel(p[0,0,0,0,0,0], v=0)|\
              movel(p[0.02,0,0,0,0,0], r=0.011)|movep(p[1,0,0,0,0,0], t=2)|\
              movel(p[1,0,0,0,0,0], 1, 1, 0, 0, 0)|x = unknown|x = 1e-3|x = [1, 2|x = \"a|x = 3 4|\
-             x = a & b|sleep(-1)|if x:|end|def f(a):|def f():"
+             x = a & b|sleep(-1)|if x:|end|def f(1):|def f():"
             .split('|')
         {
             let error = run(&(start.to_owned() + line)).expect_err(line);

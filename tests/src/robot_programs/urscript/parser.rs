@@ -2,7 +2,7 @@
 //!
 //! Source: numbers, variables and types, functions, and scoping after "The URScript Programming Language", Universal
 //! Robots, versions 3.2 (2016) and SW 5.x/10.x (HTML script manual). Not covered, and refused: numbers with an
-//! exponent, `global`, `local`, parameters of functions, threads, conditions, loops, `return`, structs, and indexing.
+//! exponent, `local`, threads, conditions, loops, `return`, structs, and indexing.
 
 use std::rc::Rc;
 
@@ -32,12 +32,20 @@ pub struct Call {
 }
 
 /// What a line says: a comment without its `#`, an assignment to a name, a call of a function whose value is not used,
-/// the definition of a function without parameters.
+/// the definition of a function.
 pub enum Action {
     Comment(String),
     Assign(String, Expression),
+    /// An assignment to a name that all functions see.
+    Global(String, Expression),
     Call(Call),
-    Define(String, Rc<Vec<Statement>>),
+    Define(String, Rc<Function>),
+}
+
+/// A function: the names of its parameters, and what it does.
+pub struct Function {
+    pub(super) parameters: Vec<String>,
+    pub(super) body: Vec<Statement>,
 }
 
 /// A line, from 1, and what it says.
@@ -58,7 +66,7 @@ const REFUSED_WORDS: &str = "if elif else while for return thread break continue
 /// Reads a file into its statements.
 pub fn read(text: &str) -> Result<Vec<Statement>, LineProblem> {
     // The last entry is the body that is open; every entry has the name and the line of its `def`.
-    let mut open: Vec<(String, usize, Vec<Statement>)> = vec![(String::new(), 0, Vec::new())];
+    let mut open: Vec<(Head, usize, Vec<Statement>)> = vec![(Head::default(), 0, Vec::new())];
     for (index, line_text) in text.lines().enumerate() {
         let line = index + 1;
         let fail = |problem| (line, problem);
@@ -69,12 +77,14 @@ pub fn read(text: &str) -> Result<Vec<Statement>, LineProblem> {
         let comment = comment.map(|text| (line, Action::Comment(text.to_owned())));
         let mut statements = Vec::from_iter(comment);
         if parser.tokens.takes_word("def") {
-            let name = parser.definition().map_err(fail)?;
-            open.push((name, line, Vec::new()));
+            let head = parser.definition().map_err(fail)?;
+            open.push((head, line, Vec::new()));
         } else if parser.tokens.takes_word("end") {
             let closed = open.pop().filter(|_| !open.is_empty());
-            let (name, line, body) = closed.ok_or_else(|| fail("`end` without a `def`".into()))?;
-            statements.insert(0, (line, Action::Define(name, Rc::new(body))));
+            let (head, line, body) = closed.ok_or_else(|| fail("`end` without a `def`".into()))?;
+            let (name, parameters) = head;
+            let function = Rc::new(Function { parameters, body });
+            statements.insert(0, (line, Action::Define(name, function)));
         } else if parser.tokens.peek().is_some() {
             statements.push((line, parser.statement().map_err(fail)?));
         }
@@ -85,24 +95,38 @@ pub fn read(text: &str) -> Result<Vec<Statement>, LineProblem> {
     }
     match open.pop() {
         Some((_, _, body)) if open.is_empty() => Ok(body),
-        Some((name, line, _)) => Err((line, format!("the function {name} has no `end`"))),
+        Some(((name, _), line, _)) => Err((line, format!("the function {name} has no `end`"))),
         None => Ok(Vec::new()),
     }
 }
+
+/// Name and parameters of a function.
+type Head = (String, Vec<String>);
 
 struct Parser<'a> {
     tokens: Cursor<'a>,
 }
 
 impl Parser<'_> {
-    fn definition(&mut self) -> Result<String, String> {
+    fn definition(&mut self) -> Result<Head, String> {
         let name = self.tokens.name(REFUSED_WORDS)?.to_owned();
+        let mut parameters = Vec::new();
         self.tokens.mark('(')?;
-        self.tokens.mark(')')?;
-        self.tokens.mark(':').map(|()| name)
+        while !self.tokens.takes(')') {
+            if !parameters.is_empty() {
+                self.tokens.mark(',')?;
+            }
+            parameters.push(self.tokens.name(REFUSED_WORDS)?.to_owned());
+        }
+        self.tokens.mark(':').map(|()| (name, parameters))
     }
 
     fn statement(&mut self) -> Result<Action, String> {
+        if self.tokens.takes_word("global") {
+            let name = self.tokens.name(REFUSED_WORDS)?.to_owned();
+            self.tokens.mark('=')?;
+            return Ok(Action::Global(name, self.expression()?));
+        }
         let name = self.tokens.name(REFUSED_WORDS)?.to_owned();
         if self.tokens.takes('=') {
             return Ok(Action::Assign(name, self.expression()?));
