@@ -174,14 +174,6 @@ pub enum ProgramError {
         /// Machines that it is for.
         needs: &'static str,
     },
-    /// A head that tilts on a controller with a heading axis only.
-    #[error(
-        "the tool axis leaves the vertical at {time_s:.2} s, and a Sinumerik program has X, Y, Z and C: print it upright"
-    )]
-    Tilts {
-        /// When.
-        time_s: f64,
-    },
     /// A pose without joints.
     #[error(
         "{time_s:.3} s: the machine of the job has no joint positions for this pose; plan it again"
