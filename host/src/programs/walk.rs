@@ -84,7 +84,7 @@ pub struct Block {
     pub blend_mm: f64,
     /// Deposited on it, mm³.
     pub volume_mm3: f64,
-    /// Speed of the tip with which a controller takes as long ([`super::pace`]), mm/s.
+    /// Speed of the tip with which a controller takes as long (`pace.rs`), mm/s.
     pub speed_mm_s: f64,
     /// Greatest speed of the tip in the job, and by the joints' speeds, mm/s.
     pub peak_mm_s: f64,
