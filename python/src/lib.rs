@@ -256,8 +256,14 @@ impl Job {
         Ok(PyBytes::new(py, &text))
     }
 
-    fn program(&self, py: Python<'_>, language: &str, name: &str) -> PyResult<Vec<(String, String)>> {
-        py.detach(|| self.0.program(language, name)).map_err(exception)
+    fn program(
+        &self,
+        py: Python<'_>,
+        language: &str,
+        name: &str,
+    ) -> PyResult<Vec<(String, String)>> {
+        py.detach(|| self.0.program(language, name))
+            .map_err(exception)
     }
 
     /// The page of `headway view`.
