@@ -54,14 +54,14 @@ pub(super) fn program(
             &options.tool,
             1,
             "--tool",
-            16,
+            1..=16,
             "the number of TOOL_DATA, 1 to 16",
         )?,
         base: checked_number(
             &options.work_object,
             1,
             "--work-object",
-            32,
+            1..=32,
             "the number of BASE_DATA, 1 to 32",
         )?,
     };

@@ -59,7 +59,7 @@ pub(super) fn program(
         &options.work_object,
         54,
         "--work-object",
-        57,
+        54..=57,
         "the number of the frame, 54 to 57 (G54 to G57)",
     )?;
     let nc = Sinumerik {

@@ -2,6 +2,7 @@
 
 use super::{ProgramError, ProgramOptions};
 pub(super) use crate::gcode::write::short;
+use std::ops::RangeInclusive;
 
 /// Longest name of a program: with the endings of layers RAPID's 32 and KRL's 24 characters.
 const NAME_MAX: usize = 16;
@@ -51,19 +52,16 @@ pub(super) fn checked_name<'a>(
     }
 }
 
-/// A number that was given.
+/// A number that was given, where it is one of those that are `known`.
 pub(super) fn checked_number(
     given: &Option<String>,
     usual: u32,
     option: &'static str,
-    most: u32,
+    known: RangeInclusive<u32>,
     rule: &'static str,
 ) -> Result<u32, ProgramError> {
     let Some(text) = given else { return Ok(usual) };
-    let number = text
-        .parse()
-        .ok()
-        .filter(|number| (1..=most).contains(number));
+    let number = text.parse().ok().filter(|number| known.contains(number));
     number.ok_or_else(|| ProgramError::Name {
         option,
         given: text.chars().take(40).collect(),

@@ -203,7 +203,7 @@ const OUTPUTS: [Mistake; 7] = [
     ("machine new -o @/key.toml", 2, "replace it with --force"),
     ("export @/ok.hwj --to gcod", 2, "gcode"),
 ];
-const PROGRAMS: [Mistake; 21] = [
+const PROGRAMS: [Mistake; 22] = [
     ("export @/ok.hwj --to rapid", 2, "give -o part.mod"),
     (
         "export @/ok.hwj --to rapid -o @/part.src",
@@ -262,6 +262,11 @@ const PROGRAMS: [Mistake; 21] = [
     ),
     (
         "export @/ok.hwj --to sinumerik -o @/p.mpf --work-object 60",
+        2,
+        "54 to 57",
+    ),
+    (
+        "export @/ok.hwj --to sinumerik -o @/p.mpf --work-object 3",
         2,
         "54 to 57",
     ),
