@@ -30,7 +30,7 @@ const PLACES: f64 = 4.0;
 const PLACES_MAX: f64 = 20_000.0;
 /// Points closer than this to the line between their neighbours are left out again, mm.
 const STRAIGHT_MM: f64 = 1e-6;
-/// Twice the area by the length of a contour that may be the middle of a wall: to the widest bead, and at least mm.
+/// Twice the area by the length of a contour that may be a wall's middle: to the widest bead, and at least mm (slabs have less).
 const SLAB_BEADS: f64 = 4.0;
 const SLAB_MM: f64 = 50.0;
 

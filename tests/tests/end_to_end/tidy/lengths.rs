@@ -1,6 +1,6 @@
-//! Goal: what is given in mm, mm² or mm³ has its reason in one list. Method: every constant whose name ends so, in the host
-//! and its crates, outside of tests, has a row with its value, and every row its constant; the last table, of what should
-//! be a share of the nozzle and is not, only becomes shorter.
+//! Goal: what is given in mm, mm² or mm³ is in one list, by the reason for it. Method: every constant whose name ends so, in
+//! the host and its crates, outside of tests, has a row with its value, and every row its constant; the last table, of what
+//! should be a share of the nozzle and is not, only becomes shorter.
 
 use super::{Breaches, ROOT, assert_none, sources};
 use std::collections::BTreeSet;
@@ -14,7 +14,7 @@ const LEFT_MAX: usize = 41;
 fn row(line: &str) -> Option<[String; 3]> {
     let mut cells = line.strip_prefix("| `")?.split(" | ");
     let (name, file) = cells.next()?.split_once("` in `")?;
-    let value = cells.next()?.to_string();
+    let value = cells.next()?.trim_end_matches(" |").to_string();
     Some([
         name.to_string(),
         file.trim_end_matches('`').to_string(),
