@@ -104,17 +104,17 @@ fn read(lines: &[String]) -> (Vec<Constant>, Vec<(usize, &str)>) {
     (found, rest)
 }
 
-/// File and name of the rows of the page, each with a reason.
+/// File and name of each constant of the page, which is there once and says what it trades.
 fn listed(page: &str, breaches: &mut Breaches) -> BTreeSet<(String, String)> {
     let mut rows = BTreeSet::new();
     for line in page.lines().filter(|line| line.starts_with("| `")) {
-        let cells: Vec<&str> = line.trim_matches('|').split(" | ").map(str::trim).collect();
-        let [file, name] = [0, 1].map(|i| cells.get(i).map_or("", |cell| cell.trim_matches('`')));
-        if cells.len() != 3 || cells[2].is_empty() {
-            breaches.0.push(format!("{PAGE}: no reason: {line}"));
-        }
-        if !rows.insert((file.to_string(), name.to_string())) {
-            breaches.0.push(format!("{PAGE}: twice: {line}"));
+        let (file, constants) = line[3..].split_once("` | ").unwrap_or_default();
+        for constant in constants.trim_end_matches(" |").split("; ") {
+            let (name, trade) = constant.split_once("`: ").unwrap_or((constant, ""));
+            let row = (file.to_string(), name.trim_matches('`').to_string());
+            if trade.is_empty() || !rows.insert(row) {
+                breaches.0.push(format!("{PAGE}: bad entry: {constant}"));
+            }
         }
     }
     rows
