@@ -1,18 +1,17 @@
-//! Entities of the `dxf` crate -> chords in mm.
+//! Entities of a drawing -> chords in mm.
 //!
 //! Lines, circles, arcs, polylines with bulges, ellipses and splines; no chord is further from its curve
 //! than the tolerance. In: the file's unit, degrees for arcs, radians for ellipses. Out: mm before
-//! `--scale`. Sources: AutoCAD DXF reference (bulge = tangent of a quarter of the arc's angle; extrusion
-//! direction); de Boor's triangle for splines. Not covered: entities outside the drawing's plane.
+//! `--scale`. Sources: AutoCAD DXF reference (group codes and their defaults; bulge = tangent of a quarter
+//! of the arc's angle; extrusion direction); de Boor's triangle for splines. Not covered: entities outside the drawing's plane.
 
+use super::records::Entity;
 use super::syntax;
 use crate::geometry::{Point2, Vector2};
 use crate::input::error::At;
 use crate::input::nurbs::{DEGREE_MAX, Nurbs};
 use crate::input::outline::{FAR_MAX_MM, RawRing};
 use crate::input::{InputError, POINTS_MAX};
-use dxf::entities::{Ellipse, EntityType, Spline};
-use dxf::{Point, Vector};
 use nalgebra::Vector4;
 use std::f64::consts::TAU;
 
@@ -35,47 +34,24 @@ pub(super) struct Flattener {
 
 impl Flattener {
     /// The chords of an entity.
-    pub fn piece(&mut self, what: &str, entity: &EntityType) -> Result<RawRing, InputError> {
-        let mut closed = false;
-        let points = match entity {
-            EntityType::Line(line) => vec![self.mm(&line.p1), self.mm(&line.p2)],
-            EntityType::Circle(circle) => {
-                closed = true;
-                let radius_mm = circle.radius * self.unit_mm;
-                let all = self.arc(what, &circle.center, radius_mm, [0.0, TAU])?;
-                turned(what, all, &circle.normal)?
+    pub fn piece(&mut self, entity: &Entity) -> Result<RawRing, InputError> {
+        let what = &entity.what;
+        let (mut points, closed) = match entity.kind {
+            "LINE" => (vec![self.mm(entity, 10), self.mm(entity, 11)], false),
+            "CIRCLE" | "ARC" => self.arc(entity)?,
+            "LWPOLYLINE" | "POLYLINE" => {
+                let closed = entity.one(70, 0.0) as i32 & 1 != 0;
+                let corners = self.points(entity).zip(entity.bulges());
+                (self.bulged(&corners.collect::<Vec<_>>(), closed)?, closed)
             }
-            EntityType::Arc(arc) => {
-                let radius_mm = arc.radius * self.unit_mm;
-                let from = arc.start_angle.to_radians();
-                let sweep = sweep(from, arc.end_angle.to_radians());
-                closed = sweep >= TAU;
-                let all = self.arc(what, &arc.center, radius_mm, [from, sweep])?;
-                turned(what, all, &arc.normal)?
-            }
-            EntityType::LwPolyline(line) => {
-                closed = line.is_closed();
-                let corners = line.vertices.iter();
-                let corners = corners.map(|corner| (self.place(corner.x, corner.y), corner.bulge));
-                let all = self.bulged(&corners.collect::<Vec<_>>(), closed)?;
-                turned(what, all, &line.extrusion_direction)?
-            }
-            EntityType::Polyline(line) => {
-                closed = line.flags & 1 != 0;
-                // Flag 16 marks the control points of a polyline that was made a spline.
-                let corners = line.vertices().filter(|corner| corner.flags & 16 == 0);
-                let corners = corners.map(|corner| (self.mm(&corner.location), corner.bulge));
-                let all = self.bulged(&corners.collect::<Vec<_>>(), closed)?;
-                turned(what, all, &line.normal)?
-            }
-            EntityType::Ellipse(ellipse) => {
-                let (all, is_whole) = self.ellipse(what, ellipse)?;
-                closed = is_whole;
-                all
-            }
-            EntityType::Spline(spline) => self.spline(what, spline)?,
+            "ELLIPSE" => self.ellipse(entity)?,
+            "SPLINE" => (self.spline(entity)?, false),
             _ => return Err(syntax(format!("the {what} could not be read"))),
         };
+        // Points of an entity's own plane: seen from below, x is reversed. An ellipse is in the drawing's.
+        if entity.kind != "ELLIPSE" && upright(entity)? < 0.0 {
+            points.iter_mut().for_each(|point| point.x = -point.x);
+        }
         self.check(what, &points)?;
         Ok(RawRing {
             what: what.to_string(),
@@ -117,8 +93,15 @@ impl Flattener {
         Point2::new(x * self.unit_mm, y * self.unit_mm)
     }
 
-    fn mm(&self, point: &Point) -> Point2 {
-        self.place(point.x, point.y)
+    /// The point whose x is in this group; its y has a code that is 10 higher.
+    fn mm(&self, entity: &Entity, code: i32) -> Point2 {
+        self.place(entity.one(code, 0.0), entity.one(code + 10, 0.0))
+    }
+
+    /// Corners or control points: each x and the y of the same number.
+    fn points(&self, entity: &Entity) -> impl Iterator<Item = Point2> {
+        let each = entity.all(10).zip(entity.all(20));
+        each.map(|(x, y)| self.place(x, y))
     }
 
     /// Chords of an arc of this angle: with a radius r and half a chord's angle a, the chord is
@@ -128,28 +111,27 @@ impl Flattener {
         chords(sweep_rad.abs() / (4.0 * half.asin()))
     }
 
-    fn arc(
-        &self,
-        what: &str,
-        centre: &Point,
-        radius_mm: f64,
-        [from, sweep]: [f64; 2],
-    ) -> Result<Vec<Point2>, InputError> {
+    /// Points of an arc, and whether it is whole, as a circle is.
+    fn arc(&self, entity: &Entity) -> Result<(Vec<Point2>, bool), InputError> {
+        let what = &entity.what;
+        let radius_mm = entity.one(40, 0.0) * self.unit_mm;
+        let [from, to] = [(50, 0.0), (51, 360.0)].map(|(c, d)| entity.one(c, d).to_radians());
+        let (sweep, is_whole) = sweep(from, to);
         if radius_mm <= 0.0 {
             return Err(syntax(format!(
                 "the {what} has a radius of {radius_mm} mm: it must be above 0"
             )));
         }
-        let centre = self.mm(centre);
+        let centre = self.mm(entity, 10);
         let chords = self.arc_chords(radius_mm, sweep);
         // The last point of a whole turn is the first.
-        let last = if sweep >= TAU { chords - 1 } else { chords };
+        let last = if is_whole { chords - 1 } else { chords };
         let angle = |k: usize| from + sweep * (k as f64 / chords as f64);
         let points = (0..=last).map(|k| {
             let (sin, cos) = angle(k).sin_cos();
             centre + radius_mm * Vector2::new(cos, sin)
         });
-        Ok(points.collect())
+        Ok((points.collect(), is_whole))
     }
 
     /// Corners, each with the bulge of the edge after it.
@@ -187,21 +169,20 @@ impl Flattener {
 
     /// Points of an ellipse or its arc, and whether it is whole. The second derivative is at most the
     /// longer half axis: a chord of the angle d is at most that times d² / 8 off.
-    fn ellipse(&self, what: &str, ellipse: &Ellipse) -> Result<(Vec<Point2>, bool), InputError> {
-        let side = upright(what, &ellipse.normal)?;
-        let ratio = ellipse.minor_axis_ratio;
-        let major = Vector2::new(ellipse.major_axis.x, ellipse.major_axis.y) * self.unit_mm;
+    fn ellipse(&self, entity: &Entity) -> Result<(Vec<Point2>, bool), InputError> {
+        let (what, side) = (&entity.what, upright(entity)?);
+        let ratio = entity.one(40, 1.0);
+        let major = self.mm(entity, 11).coords;
         let minor = Vector2::new(-major.y, major.x) * (ratio * side);
         let longest_mm = major.norm().max(minor.norm());
         if !(ratio > 0.0 && longest_mm > 0.0) {
             return Err(syntax(format!("the {what} has an axis without length")));
         }
-        let from = ellipse.start_parameter;
-        let sweep = sweep(from, ellipse.end_parameter);
-        let is_whole = sweep >= TAU;
+        let from = entity.one(41, 0.0);
+        let (sweep, is_whole) = sweep(from, entity.one(42, TAU));
         let chords = chords((sweep / (8.0 * self.tolerance_mm / longest_mm).sqrt()).max(8.0));
         let last = if is_whole { chords - 1 } else { chords };
-        let centre = self.mm(&ellipse.center);
+        let centre = self.mm(entity, 10);
         let points = (0..=last).map(|k| {
             let (sin, cos) = (from + sweep * (k as f64 / chords as f64)).sin_cos();
             centre + major * cos + minor * sin
@@ -209,16 +190,18 @@ impl Flattener {
         Ok((points.collect(), is_whole))
     }
 
-    fn spline(&self, what: &str, spline: &Spline) -> Result<Vec<Point2>, InputError> {
-        let points = &spline.control_points;
-        let (count, knots) = (points.len(), &spline.knot_values);
-        let degree = usize::try_from(spline.degree_of_curve).unwrap_or(0);
+    fn spline(&self, entity: &Entity) -> Result<Vec<Point2>, InputError> {
+        let what = &entity.what;
+        let points: Vec<Point2> = self.points(entity).collect();
+        let [knots, weights] = [40, 41].map(|code| entity.all(code).collect::<Vec<f64>>());
+        let count = points.len();
+        let degree_given = entity.one(71, 1.0);
+        let degree = degree_given.max(0.0) as usize;
         let is_known = (1..=DEGREE_MAX).contains(&degree) && count > degree;
         if !is_known || knots.len() != count + degree + 1 {
             return Err(syntax(format!(
-                "the {what} has degree {}, {count} control points and {} knots: the degree is from 1 \
+                "the {what} has degree {degree_given}, {count} control points and {} knots: the degree is from 1 \
                  to {DEGREE_MAX}, and there is a knot for each point and degree and one more",
-                spline.degree_of_curve,
                 knots.len()
             )));
         }
@@ -226,7 +209,6 @@ impl Flattener {
         if !is_rising || knots[degree] >= knots[count] {
             return Err(syntax(format!("the knots of the {what} do not rise")));
         }
-        let weights = &spline.weight_values;
         let is_weighed = weights.is_empty() || weights.len() == count;
         if !is_weighed || weights.iter().any(|weight| *weight <= 0.0) {
             return Err(syntax(format!(
@@ -236,13 +218,13 @@ impl Flattener {
         }
         let control = points.iter().enumerate().map(|(index, point)| {
             let weight = weights.get(index).copied().unwrap_or(1.0);
-            let place = self.mm(point) * weight;
+            let place = point * weight;
             Vector4::new(place.x, place.y, 0.0, weight)
         });
         let curve = Nurbs {
             degree,
             control: control.collect(),
-            knots: knots.clone(),
+            knots,
         };
         self.along(&curve)
     }
@@ -291,12 +273,12 @@ fn chords(count: f64) -> usize {
     count.ceil().clamp(1.0, CHORDS_MAX) as usize
 }
 
-/// The angle from one to the other, counter-clockwise, above 0 and at most a whole turn.
-fn sweep(from: f64, to: f64) -> f64 {
+/// The angle from one to the other, counter-clockwise, above 0 and at most a whole turn, and whether it is one.
+fn sweep(from: f64, to: f64) -> (f64, bool) {
     let sweep = (to - from).rem_euclid(TAU);
     match sweep <= WHOLE_RAD || sweep >= TAU - WHOLE_RAD {
-        true => TAU,
-        false => sweep,
+        true => (TAU, true),
+        false => (sweep, false),
     }
 }
 
@@ -312,20 +294,14 @@ fn off_chord(place: Point2, start: Point2, end: Point2) -> f64 {
 }
 
 /// 1 for an entity drawn as seen from above, -1 from below; fails for a tilted one.
-fn upright(what: &str, normal: &Vector) -> Result<f64, InputError> {
-    let tilt = normal.x.hypot(normal.y);
-    match tilt <= UPRIGHT * normal.z.abs() && normal.z != 0.0 {
-        true => Ok(normal.z.signum()),
+fn upright(entity: &Entity) -> Result<f64, InputError> {
+    let tilt = entity.one(210, 0.0).hypot(entity.one(220, 0.0));
+    let z = entity.one(230, 1.0);
+    match tilt <= UPRIGHT * z.abs() && z != 0.0 {
+        true => Ok(z.signum()),
         false => Err(syntax(format!(
-            "the {what} is tilted out of the drawing's plane: flatten the drawing first"
+            "the {} is tilted out of the drawing's plane: flatten the drawing first",
+            entity.what
         ))),
     }
-}
-
-/// Points of an entity's own plane: seen from below, x is reversed.
-fn turned(what: &str, mut points: Vec<Point2>, normal: &Vector) -> Result<Vec<Point2>, InputError> {
-    if upright(what, normal)? < 0.0 {
-        points.iter_mut().for_each(|point| point.x = -point.x);
-    }
-    Ok(points)
 }

@@ -1,8 +1,8 @@
 //! DXF: the contours of a drawing, curves flattened.
 //!
 //! ```text
-//! bytes --records--> whole records of chosen layers --dxf crate--> entities
-//!       --curves--> chords (mm) --join--> contours --outline--> regions
+//! bytes --records--> whole entities of chosen layers --curves--> chords (mm)
+//!       --join--> contours --outline--> regions
 //! ```
 //! Nesting follows the even-odd rule: a contour in another one is a hole, one in a hole an island. In:
 //! ASCII DXF, unit by `$INSUNITS` (mm where it gives none) or `--units`. Out: contours, mm before
@@ -15,10 +15,6 @@ mod records;
 use super::outline::{Drawing, RawRing, Rule, Shape};
 use super::{InputError, ReadOptions, Units};
 use curves::Flattener;
-use records::Record;
-
-/// Records that the crate gets at once: it holds about 1 kB for each.
-const RECORDS_AT_ONCE: usize = 1000;
 
 fn syntax(problem: String) -> InputError {
     InputError::Syntax {
@@ -31,7 +27,7 @@ fn syntax(problem: String) -> InputError {
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, InputError> {
     let text = text(bytes)?;
     let mut found = records::read(&text, &options.dxf_layers)?;
-    if found.records.is_empty() {
+    if found.entities.is_empty() {
         let left_out = match found.notes.is_empty() {
             true => "it has no lines, arcs, circles, polylines, ellipses or splines".to_string(),
             false => found.notes.join("; "),
@@ -48,10 +44,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
         tolerance_mm: options.flatten_mm / options.scale,
         points: 0,
     };
-    let mut pieces = Vec::with_capacity(found.records.len());
-    for batch in found.records.chunks(RECORDS_AT_ONCE) {
-        entities(batch, &mut flattener, &mut pieces)?;
-    }
+    let each = found.entities.iter().map(|entity| flattener.piece(entity));
+    let pieces: Vec<RawRing> = each.collect::<Result<_, _>>()?;
     let rings = match options.centre_lines {
         true => pieces,
         false => join::contours(pieces, options.scale, false, &mut notes)?,
@@ -110,31 +104,6 @@ fn unit(number: Option<i32>, notes: &mut Vec<String>) -> Result<Units, InputErro
             return Err(InputError::UnknownUnits { given });
         }
     })
-}
-
-/// The chords of some records.
-fn entities(
-    batch: &[Record],
-    flattener: &mut Flattener,
-    pieces: &mut Vec<RawRing>,
-) -> Result<(), InputError> {
-    let mut text = String::from("0\nSECTION\n2\nENTITIES\n");
-    batch.iter().for_each(|record| text.push_str(&record.text));
-    text.push_str("0\nENDSEC\n0\nEOF\n");
-    let drawing = dxf::Drawing::load(&mut text.as_bytes()).map_err(|error| {
-        let first = batch.first().map_or("", |record| &record.what);
-        syntax(format!("{error}, counted from the {first}"))
-    })?;
-    if drawing.entities().count() != batch.len() {
-        let first = batch.first().map_or("", |record| &record.what);
-        return Err(syntax(format!(
-            "an entity after the {first} has its groups in an order that cannot be read"
-        )));
-    }
-    for (record, entity) in batch.iter().zip(drawing.entities()) {
-        pieces.push(flattener.piece(&record.what, &entity.specific)?);
-    }
-    Ok(())
 }
 
 #[cfg(test)]

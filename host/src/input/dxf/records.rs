@@ -1,10 +1,8 @@
-//! The text of a DXF file -> the records that are read, units, a list of what is ignored.
+//! The text of a DXF file -> the entities that are read, units, a list of what is ignored.
 //!
-//! A DXF file is pairs of lines, a group code and its value. They are checked here before the `dxf`
-//! crate makes entities of them: that crate stops silently at anything that it cannot read, and keeps
-//! neither line numbers nor hidden layers. Only complete records with finite numbers are handed on,
-//! each with its first line's number. In: bytes, chosen layers. Out: pairs as text, in the file's
-//! unit.
+//! A DXF file is pairs of lines, a group code and its value. An entity is complete, has finite numbers and
+//! knows its first line's number, or is refused with it. In: bytes, chosen layers. Out: entities by their
+//! groups, in the file's unit.
 //! Source: AutoCAD DXF reference, "Group code value types". Not covered: blocks, objects and tables
 //! other than that of the layers.
 
@@ -12,31 +10,21 @@ use super::syntax;
 use crate::input::InputError;
 use crate::input::names::{part_name, shortened};
 use std::collections::{BTreeMap, HashMap};
-use std::fmt::Write;
 
-/// Most records that are read, corners of polylines among them: each takes the crate about 1 kB.
-const RECORDS_MAX: usize = 300_000;
+/// Most entities that are read, corners of old polylines among them: each is joined to its neighbours.
+const ENTITIES_MAX: usize = 300_000;
 /// Most names of layers and kinds of entities in a message.
 const NAMES_MAX: usize = 20;
-/// The entities that are read: their required groups, and the groups passed to the crate. 10 and 11
-/// (x of a point) include the y, 20 and 21.
+/// The entities that are read: the groups that each must have, and those that it may have.
 const KINDS: [(&str, &[i32], &[i32]); 8] = [
-    ("LINE", &[10, 20, 11, 21], &[10, 20, 11, 21]),
-    ("CIRCLE", &[10, 20, 40], &[10, 20, 40, 210, 220, 230]),
-    (
-        "ARC",
-        &[10, 20, 40, 50, 51],
-        &[10, 20, 40, 50, 51, 210, 220, 230],
-    ),
-    ("LWPOLYLINE", &[10, 20], &[10, 20, 42, 70, 210, 220, 230]),
+    ("LINE", &[10, 20, 11, 21], &[]),
+    ("CIRCLE", &[10, 20, 40], &[210, 220, 230]),
+    ("ARC", &[10, 20, 40, 50, 51], &[210, 220, 230]),
+    ("LWPOLYLINE", &[10, 20], &[42, 70, 210, 220, 230]),
     ("POLYLINE", &[], &[70, 210, 220, 230]),
-    ("VERTEX", &[10, 20], &[10, 20, 42, 70]),
-    (
-        "ELLIPSE",
-        &[10, 20, 11, 21, 40],
-        &[10, 20, 11, 21, 40, 41, 42, 210, 220, 230],
-    ),
-    ("SPLINE", &[10, 20, 40, 71], &[10, 20, 40, 41, 70, 71]),
+    ("VERTEX", &[10, 20], &[42, 70]),
+    ("ELLIPSE", &[10, 20, 11, 21, 40], &[41, 42, 210, 220, 230]),
+    ("SPLINE", &[10, 20, 40, 71], &[41]),
 ];
 
 /// A group code and its value.
@@ -48,17 +36,44 @@ struct Pair<'a> {
 }
 
 /// One entity, or a polyline with its corners.
-pub(super) struct Record {
+pub(super) struct Entity<'a> {
+    pub kind: &'a str,
     /// For messages: `LINE of line 12`.
     pub what: String,
-    /// Its pairs, as the crate reads them.
-    pub text: String,
+    /// Group codes and numbers that are read, in the order of the file.
+    groups: Vec<(i32, f64)>,
+}
+
+impl Entity<'_> {
+    /// All numbers of a group.
+    pub fn all(&self, code: i32) -> impl Iterator<Item = f64> {
+        let of_code = self.groups.iter().filter(move |group| group.0 == code);
+        of_code.map(|group| group.1)
+    }
+
+    /// The number of a group that occurs once: where it is repeated, the last one counts.
+    pub fn one(&self, code: i32, default: f64) -> f64 {
+        self.all(code).last().unwrap_or(default)
+    }
+
+    /// The bulge of each corner of a polyline: group 10 begins a corner.
+    pub fn bulges(&self) -> Vec<f64> {
+        let mut bulges = Vec::new();
+        for &(code, number) in &self.groups {
+            match (code, bulges.last_mut()) {
+                (10, _) => bulges.push(0.0),
+                (42, Some(last)) => *last = number,
+                _ => {}
+            }
+        }
+        bulges
+    }
 }
 
 /// What a file holds.
 #[derive(Default)]
-pub(super) struct Records {
-    pub records: Vec<Record>,
+pub(super) struct Found<'a> {
+    pub entities: Vec<Entity<'a>>,
     /// `$INSUNITS`, where the header has it.
     pub units: Option<i32>,
     pub notes: Vec<String>,
@@ -76,7 +91,7 @@ struct Layer {
 struct Reader<'a> {
     chosen: Vec<String>,
     layers: HashMap<String, Layer>,
-    found: Records,
+    found: Found<'a>,
     count: usize,
     left_out: BTreeMap<&'a str, usize>,
     on_hidden: BTreeMap<String, usize>,
@@ -87,8 +102,8 @@ struct Reader<'a> {
     heights: Option<[f64; 2]>,
 }
 
-/// Reads the records of a file.
-pub(super) fn read(text: &str, layers: &[String]) -> Result<Records, InputError> {
+/// Reads the entities of a file.
+pub(super) fn read<'a>(text: &'a str, layers: &[String]) -> Result<Found<'a>, InputError> {
     let pairs = pairs(text)?;
     let mut reader = Reader {
         chosen: layers.iter().map(|name| name.to_lowercase()).collect(),
@@ -288,23 +303,24 @@ impl<'a> Reader<'a> {
             if matches!(kind, "SEQEND" | "ATTRIB") || !self.is_wanted(group)? {
                 continue;
             }
-            let mut text = String::new();
-            self.write(group, &mut text)?;
-            if kind == "POLYLINE" {
-                for corner in &corners {
-                    self.write(corner, &mut text)?;
+            let what = format!("{kind} of line {line}");
+            let mut entity = self.entity(group, what)?;
+            for corner in &corners {
+                let corner = self.entity(corner, String::new())?;
+                // Flag 16 marks the control points of a polyline that was made a spline.
+                if corner.one(70, 0.0) as i32 & 16 == 0 {
+                    let of_corner = [10, 20, 42].map(|code| (code, corner.one(code, 0.0)));
+                    entity.groups.extend(of_corner);
                 }
-                text.push_str("0\nSEQEND\n");
             }
             self.count += 1 + corners.len();
-            if self.count > RECORDS_MAX {
+            if self.count > ENTITIES_MAX {
                 return Err(syntax(format!(
-                    "more than {RECORDS_MAX} entities: choose layers with --dxf-layer, or simplify \
+                    "more than {ENTITIES_MAX} entities: choose layers with --dxf-layer, or simplify \
                      the drawing"
                 )));
             }
-            let what = format!("{kind} of line {line}");
-            self.found.records.push(Record { what, text });
+            self.found.entities.push(entity);
         }
         Ok(())
     }
@@ -340,12 +356,11 @@ impl<'a> Reader<'a> {
         Ok(false)
     }
 
-    /// Writes the part of an entity that the crate is to read, with each number checked.
-    fn write(&mut self, group: &[Pair], text: &mut String) -> Result<(), InputError> {
+    /// An entity of the groups that are read, with each number checked.
+    fn entity(&mut self, group: &[Pair<'a>], what: String) -> Result<Entity<'a>, InputError> {
         let (kind, line) = (group[0].value, group[0].line);
-        let Some((_, needed, read)) = KINDS.iter().find(|known| known.0 == kind) else {
-            return Ok(());
-        };
+        let known = KINDS.iter().find(|known| known.0 == kind);
+        let (needed, more) = known.map_or((&[][..], &[][..]), |known| (known.1, known.2));
         let count = |code: i32| group.iter().filter(|pair| pair.code == code).count();
         if let Some(code) = needed.iter().find(|code| count(**code) == 0) {
             return Err(syntax(match (kind, count(11)) {
@@ -362,30 +377,29 @@ impl<'a> Reader<'a> {
                 "the {kind} of line {line} is not whole: {x} x and {y} y coordinates"
             )));
         }
-        let first = group.iter().find(|pair| matches!(pair.code, 10 | 20 | 42));
-        if kind == "LWPOLYLINE" && first.is_some_and(|pair| pair.code != 10) {
+        let first = group.iter().find(|pair| matches!(pair.code, 10 | 42));
+        if kind == "LWPOLYLINE" && first.is_some_and(|pair| pair.code == 42) {
             return Err(syntax(format!(
-                "the {kind} of line {line} has its groups in an order that cannot be read"
+                "the {kind} of line {line} has its groups in an order that cannot be read: a bulge \
+                 (42) before its corner (10)"
             )));
         }
-        let _ = writeln!(text, "0\n{kind}");
+        let mut groups = Vec::new();
         for pair in &group[1..] {
             match pair.code {
-                code @ (70 | 71) if read.contains(&code) => {
-                    let _ = writeln!(text, "{code}\n{}", whole(pair)?);
-                }
-                code if read.contains(&code) => {
-                    let _ = writeln!(text, "{code}\n{:?}", number(pair)?);
+                code if needed.contains(&code) || more.contains(&code) => {
+                    let number = match code {
+                        70 | 71 => f64::from(whole(pair)?),
+                        _ => number(pair)?,
+                    };
+                    groups.push((code, number));
                 }
                 30 | 31 | 38 => self.height(number(pair)?),
                 40 | 41 | 43 if is_wide(kind) && number(pair)? != 0.0 => self.wide += 1,
                 _ => {}
             }
-            if (kind, pair.code) == ("SPLINE", 20) {
-                text.push_str("30\n0.0\n");
-            }
         }
-        Ok(())
+        Ok(Entity { kind, what, groups })
     }
 
     fn height(&mut self, z: f64) {

@@ -149,6 +149,10 @@ fn old_polylines_arcs_and_lines_in_any_order_and_direction() {
     let lens = entity("POLYLINE", &[(70, 1.0)]) + &corner(0.0) + &corner(10.0) + "0\nSEQEND\n";
     // Two segments of a circle of radius 10/√2 and a right angle: r² (π/2 - 1) both.
     has_area(&loaded(&lens), 50.0 * (PI / 2.0 - 1.0));
+    // A triangle whose y come before their x.
+    let corners = [[0.0, 0.0], [0.0, 4.0], [3.0, 4.0]].map(|[y, x]| [(20, y), (10, x)]);
+    let triangle = [&[(70, 1.0)], corners.as_flattened()].concat();
+    has_area(&loaded(&entity("LWPOLYLINE", &triangle)), 6.0);
 }
 
 #[test]
@@ -337,7 +341,7 @@ fn broken_files_are_refused() {
         (one(line([1.0, 1.0], [1.0, 1.0])), "no points"),
         (one(entity("LINE", &[(10, 0.0)])), "no group 20"),
         (one(entity("VERTEX", &[(10, 0.0)])), "no POLYLINE"),
-        (one(entity("LWPOLYLINE", &[(20, 0.0), (10, 0.0)])), "order"),
+        (good.replace("70\n1\n", "42\n1\n"), "before its corner"),
         (spline(3.0, &[0.0, 1.0]), "degree 3"),
         (spline(1.0, &[0.0, 3.0, 1.0, 4.0]), "do not rise"),
         (
@@ -379,17 +383,8 @@ fn nothing_broken_ends_the_program() {
     }
     assert_eq!(refused, good.len() - 5);
     let lines: Vec<&str> = good.lines().collect();
-    for absurd in [
-        "nan",
-        "1e308",
-        "-1",
-        "0",
-        "",
-        "-2147483648",
-        "SECTION",
-        "1e-320",
-        "1e6",
-    ] {
+    // Two spaces: an empty line.
+    for absurd in "nan 1e308 -1 0  -2147483648 SECTION 1e-320 1e6".split(' ') {
         for index in 0..lines.len() {
             let mut broken = lines.clone();
             broken[index] = absurd;
