@@ -13,6 +13,7 @@
 
 pub mod free_axes;
 pub mod profile;
+pub mod space;
 pub mod standing;
 pub mod touch;
 
