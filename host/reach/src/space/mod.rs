@@ -1,17 +1,15 @@
 //! How much of a part a tilting head can lay at most, before any planning: the configuration space of a body in space.
 //!
 //! ```text
-//! Part (cells) , directions, Rules --poses--> which poses fit, by aperture, bed, joints, obstacles
-//!     --support, bound--> at most: what grows with no head        (one set, whatever the order)
-//!     --head_rows, order--> found: steps that work one by one     (no more than the best order)
+//! Part (cells), directions, Rules --poses--> which poses fit, by aperture, bed, joints, obstacles
+//!     --support, order--> at most: what grows with no head     (one set, whatever the order)
+//!     --head_rows, order--> found: steps that work one by one  (no more than the best order)
 //! ```
 //!
 //! A pose is a cell, under the middle of the aperture, and a direction from the tip into the head. Its step lays one cell.
 //! Lengths in mm, angles in rad. Exact on the grid and for the given directions; the same in every run. Leaves out how the
 //! head comes to a pose, and beads: this is what is possible with material laid cell by cell, not a plan.
 
-mod backwards;
-mod bound;
 mod grid;
 mod head_rows;
 mod order;
@@ -26,15 +24,18 @@ pub use rings::directions;
 
 use crate::Vector3;
 use crate::profile::HeadProfile;
-use grid::Standing;
+use grid::Grid;
 use head_rows::HeadRows;
 use poses::Poses;
+use rayon::prelude::*;
 use support::Support;
 
 /// As many directions as a mask has bits.
 pub const DIRECTIONS_MAX: usize = 128;
-/// Cells of a part times directions: what the tables of [`Space`] have room for, about 0.4 GB.
-pub const POSES_MAX: usize = 1 << 26;
+/// Most cells of a part times directions: 0.2 GB of tables.
+pub const POSES_MAX: usize = 1 << 25;
+/// What rounding may decide.
+const EPSILON: f64 = 1e-9;
 
 /// The aperture in the tool's frame, about its middle.
 pub struct Aperture<'a> {
@@ -117,7 +118,8 @@ pub enum SpaceError {
 /// Tables of a part, a set of directions and rules.
 pub struct Space {
     part: Part,
-    rows: Vec<HeadRows>,
+    grid: Grid,
+    heads: Vec<HeadRows>,
     support: Support,
     poses: Poses,
 }
@@ -129,57 +131,49 @@ impl Space {
     /// [`SpaceError`]: too large, or wrong numbers.
     pub fn new(part: &Part, directions: &[Vector3], rules: &Rules) -> Result<Space, SpaceError> {
         let is_unit = |n: &Vector3| (n.norm() - 1.0).abs() < 1e-6;
-        if directions.is_empty()
-            || directions.len() > DIRECTIONS_MAX
-            || !directions.iter().all(is_unit)
-        {
+        let count = directions.len();
+        if !(1..=DIRECTIONS_MAX).contains(&count) || !directions.iter().all(is_unit) {
             return Err(SpaceError::Directions);
         }
-        let numbers = [
-            rules.slack_mm,
-            rules.self_support_rad,
-            rules.aperture.reach_mm,
-        ];
-        let headings = rules.aperture.headings_rad.len();
-        if numbers.iter().any(|x| !x.is_finite() || *x < 0.0) || !(1..=16).contains(&headings) {
+        let aperture = &rules.aperture;
+        let numbers = [rules.slack_mm, rules.self_support_rad, aperture.reach_mm];
+        let are_numbers = numbers.iter().all(|x| x.is_finite() && *x >= 0.0);
+        if !are_numbers || !(1..=16).contains(&aperture.headings_rad.len()) {
             return Err(SpaceError::Rules);
         }
-        let pad = (rules.aperture.reach_mm / part.voxel_mm()).ceil();
-        let [_, ny, nz] = part.size();
-        let rows = 2 * ny * nz * directions.len();
-        if pad > f64::from(grid::SIDE_MAX)
-            || rows.max(part.cells().len() * directions.len()) > POSES_MAX
-        {
+        let reach = (aperture.reach_mm / part.voxel_mm).ceil();
+        let rows = 4 * part.size[1] * part.size[2];
+        let most = rows.max(part.cells.len()) * count;
+        if reach > grid::SIDE_MAX as f64 || most > POSES_MAX {
             return Err(SpaceError::TooLarge);
         }
-        let part = part.padded((pad as usize).max(support::DEPTH as usize + 1))?;
-        let head = |n: &Vector3| HeadRows::new(&part, n, rules.head, rules.slack_mm);
-        let rows: Vec<HeadRows> = directions.iter().map(head).collect();
-        let support = Support::new(&part, directions, rules.self_support_rad);
-        let poses = Poses::new(&part, directions, rules, &rows);
+        let grid = Grid::new(part, (reach as usize).max(support::DEPTH as usize + 1))?;
+        let heads = directions.par_iter();
+        let heads = heads.map(|axis| HeadRows::new(part, axis, rules));
+        let heads: Vec<HeadRows> = heads.collect();
         Ok(Space {
-            part,
-            rows,
-            support,
-            poses,
+            support: Support::new(&grid, directions, rules.self_support_rad),
+            poses: Poses::new((part, &grid), directions, rules, &heads),
+            part: part.clone(),
+            grid,
+            heads,
         })
     }
 
     /// What some directions reach: bit k of `usable` stands for direction k.
     pub fn reach(&self, usable: u128) -> Reach {
         let grown = self.grow(usable);
-        let mut at_most = vec![false; self.part.cells().len()];
+        let cells = self.part.cells.len();
+        let mut at_most = vec![false; cells];
         for &cell in &grown {
             at_most[cell as usize] = true;
         }
-        let steps = self.order(&grown, usable);
-        let left = |cell: usize| match self.poses.refused(cell, usable) {
-            Some(why) => why,
-            None if at_most[cell] => LeftOut::Head,
-            None => LeftOut::Support,
+        let left = |cell: usize| match at_most[cell] {
+            true => LeftOut::Head,
+            false => self.poses.refused(cell),
         };
-        let mut left_out: Vec<Option<LeftOut>> =
-            (0..at_most.len()).map(|cell| Some(left(cell))).collect();
+        let mut left_out: Vec<_> = (0..cells).map(|cell| Some(left(cell))).collect();
+        let steps = self.order(&grown, usable);
         for step in &steps {
             left_out[step.cell as usize] = None;
         }
@@ -188,23 +182,6 @@ impl Space {
             steps,
             left_out,
         }
-    }
-
-    /// The pose closest to a cell, along a direction, that lays it and keeps the head off all that stands.
-    fn free_pose(
-        &self,
-        cell: u32,
-        direction: usize,
-        mut is_free: impl FnMut(u32) -> bool,
-    ) -> Option<u32> {
-        self.poses
-            .over(&self.part, cell, direction)
-            .find(|&pose| is_free(pose))
-    }
-
-    /// A cell of the grid in which the head stands.
-    fn in_the_way(&self, pose: u32, direction: usize, standing: &Standing) -> Option<u32> {
-        standing.first_in(self.part.cells()[pose as usize], &self.rows[direction])
     }
 }
 
@@ -215,4 +192,10 @@ fn bits(mut mask: u128) -> impl Iterator<Item = usize> {
         mask &= mask.wrapping_sub(1);
         (bit < 128).then_some(bit)
     })
+}
+
+/// Offsets of up to so many cells along each axis.
+fn cube(reach: i16) -> impl Iterator<Item = [i16; 3]> {
+    let near = move || -reach..=reach;
+    near().flat_map(move |z| near().flat_map(move |y| near().map(move |x| [x, y, z])))
 }

@@ -1,175 +1,131 @@
 //! What supports a cell: a line of standing cells below it, along the tool axis, that leans no more than the material permits.
 //!
-//! Lines are up to [`DEPTH`] cells long: with the nearest cells alone slopes would be multiples of 45°, and a share of a part be wrong
+//! Lines are up to [`DEPTH`] cells long: with the nearest cells alone slopes would be multiples of 45°, and the share of a part wrong
 //! by up to 8 points. Obstacles support nothing.
 
-use super::grid::{Part, Standing};
+use super::grid::{Grid, Standing};
+use super::{EPSILON, Part};
 use crate::Vector3;
 
-/// Longest line, cells. (7, 2) is in it: 74° from Z, the slope of self-support 45° at a tilt of 30°, is wrong by 1°.
+/// Longest line, cells. (7, 2) is one: 74° from Z, within 1° of the slope of self-support 45° at a tilt of 30°.
 pub(super) const DEPTH: f64 = 7.3;
 /// What is allowed above the angle of self-support, so that a slope of just that angle has lines on the grid.
 const TOLERANCE_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
-/// What rounding may decide.
-const EPSILON: f64 = 1e-9;
 
 /// A line from a cell to one that stands.
 struct Line {
-    to: isize,
     /// Directions along which it supports, a bit each.
     directions: u128,
-    /// Cells on the way, rounded down and up; one of each four stands.
+    to: isize,
+    /// Cells on the way, rounded down and up: one of each four stands.
     way: Vec<[isize; 4]>,
 }
 
-/// Lines, the shortest first.
+/// Lines, the shortest first, and the bed.
 pub(super) struct Support {
     lines: Vec<Line>,
-    /// Directions along which the bed supports.
     bed: u128,
 }
 
-/// Number of a line, or [`BED`].
-pub(super) type LineId = u16;
-pub(super) const BED: LineId = LineId::MAX;
-
 impl Support {
-    pub(super) fn new(part: &Part, directions: &[Vector3], self_support_rad: f64) -> Support {
-        let least = (self_support_rad + TOLERANCE_RAD)
-            .min(std::f64::consts::PI)
-            .cos()
-            - EPSILON;
-        let along = |supports: &dyn Fn(&Vector3) -> bool| {
+    pub(super) fn new(grid: &Grid, directions: &[Vector3], self_support_rad: f64) -> Support {
+        let most_rad = (self_support_rad + TOLERANCE_RAD).min(std::f64::consts::PI);
+        let along = |down: Vector3| {
+            let supports = |n: &Vector3| -down.dot(n) >= most_rad.cos() - EPSILON;
             let bits = (0..).zip(directions).filter(|(_, n)| supports(n));
             bits.fold(0u128, |mask, (bit, _): (u32, _)| mask | 1 << bit)
         };
         let mut lines = Vec::new();
-        let reach = DEPTH as i16;
-        let near = || -reach..=reach;
-        for to in near().flat_map(|z| near().flat_map(move |y| near().map(move |x| [x, y, z]))) {
+        for to in super::cube(DEPTH as i16) {
             let line = Vector3::from(to.map(f64::from));
-            let length = line.norm();
-            if length > DEPTH || gcd(to) != 1 {
-                continue;
-            }
-            let directions = along(&|n: &Vector3| -line.dot(n) / length >= least);
-            if directions != 0 {
-                let line = Line {
-                    to: part.delta(to),
-                    directions,
-                    way: way(part, to),
-                };
-                lines.push((length, line));
+            if line.norm() <= DEPTH && to.into_iter().fold(0, gcd) == 1 {
+                let directions = along(line.normalize());
+                let (to, way) = (grid.step(to), way(grid, to));
+                lines.push((
+                    line.norm(),
+                    Line {
+                        directions,
+                        to,
+                        way,
+                    },
+                ));
             }
         }
+        lines.retain(|(_, line)| line.directions != 0);
         lines.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let lines = lines.into_iter().map(|(_, line)| line).collect();
         Support {
-            lines,
-            bed: along(&|n: &Vector3| n.z >= least),
+            lines: lines.into_iter().map(|(_, line)| line).collect(),
+            bed: along(-Vector3::z()),
         }
     }
 
-    /// Directions along which what stands supports a cell; stops as soon as all `wanted` do, or with `any` as soon as one does.
-    pub(super) fn of(
+    /// Directions among `wanted` along which the bed supports a cell.
+    pub(super) fn of_bed(&self, part: &Part, cell: u32, wanted: u128) -> u128 {
+        let [_, _, z] = part.cells[cell as usize];
+        if z == 0 { self.bed & wanted } else { 0 }
+    }
+
+    /// Adds directions along which lines support a place until `found` has all `wanted` ones, or with `any` one.
+    pub(super) fn add(
         &self,
-        part: &Part,
         standing: &Standing,
-        cell: [u16; 3],
+        place: usize,
         wanted: u128,
         any: bool,
+        mut found: u128,
     ) -> u128 {
-        let at = part.at(cell);
-        let mut found = if cell[2] == 0 { self.bed & wanted } else { 0 };
         for line in &self.lines {
             if found == wanted || any && found != 0 {
                 break;
             }
-            if line.directions & wanted & !found != 0 && stands(line, standing, at) {
+            if line.directions & wanted & !found != 0 && line.stands(standing, place) {
                 found |= line.directions & wanted;
             }
         }
         found
     }
 
-    /// A line that supports a cell along one of the `wanted` directions: the last one if it still does, otherwise the shortest.
-    pub(super) fn line(
-        &self,
-        part: &Part,
-        standing: &Standing,
-        cell: [u16; 3],
-        wanted: u128,
-        last: LineId,
-    ) -> Option<LineId> {
-        if cell[2] == 0 && self.bed & wanted != 0 {
-            return Some(BED);
-        }
-        let at = part.at(cell);
-        let holds = |line: &Line| line.directions & wanted != 0 && stands(line, standing, at);
-        if self.lines.get(usize::from(last)).is_some_and(holds) {
-            return Some(last);
-        }
-        self.lines.iter().position(holds).map(|line| line as LineId)
-    }
-
-    /// The places of the cells that a line over a cell needs.
+    /// The shortest line that supports a place along a direction among `wanted`: all that it needs.
     pub(super) fn needs(
         &self,
-        line: LineId,
-        part: &Part,
         standing: &Standing,
-        cell: [u16; 3],
-    ) -> Vec<usize> {
-        let at = part.at(cell);
-        let Some(line) = self.lines.get(usize::from(line)) else {
-            return Vec::new();
-        };
-        let way = line
-            .way
-            .iter()
-            .filter_map(|four| four.iter().find(|&&by| standing.has_by(at, by)));
-        way.chain([&line.to])
-            .map(|&by| at.wrapping_add_signed(by))
-            .collect()
+        place: usize,
+        wanted: u128,
+    ) -> Option<Vec<usize>> {
+        let supports = |line: &&Line| line.directions & wanted != 0 && line.stands(standing, place);
+        let line = self.lines.iter().find(supports)?;
+        let way = line.way.iter();
+        let way = way.filter_map(|four| four.iter().find(|&&step| standing.has(place, step)));
+        let all = way.chain([&line.to]);
+        Some(all.map(|&step| place.wrapping_add_signed(step)).collect())
     }
 }
 
-#[inline]
-fn stands(line: &Line, standing: &Standing, at: usize) -> bool {
-    let is_on = |four: &[isize; 4]| four.iter().any(|&by| standing.has_by(at, by));
-    standing.has_by(at, line.to) && line.way.iter().all(is_on)
+impl Line {
+    #[inline]
+    fn stands(&self, standing: &Standing, place: usize) -> bool {
+        let one = |four: &[isize; 4]| four.iter().any(|&step| standing.has(place, step));
+        standing.has(place, self.to) && self.way.iter().all(one)
+    }
 }
 
-/// Cells on the way of a line, one four for each step along its longest axis.
-fn way(part: &Part, to: [i16; 3]) -> Vec<[isize; 4]> {
-    let steps = to.iter().map(|n| n.abs()).max().unwrap_or(0);
-    let longest = (0..3).find(|&axis| to[axis].abs() == steps).unwrap_or(0);
-    // On the longest axis each step is a whole cell; the other two are rounded both ways.
-    let [one, two] = [(longest + 1) % 3, (longest + 2) % 3];
+/// Cells on the way of a line, one four for each step along its longest axis, where every step is a whole cell.
+fn way(grid: &Grid, to: [i16; 3]) -> Vec<[isize; 4]> {
+    let length = to.map(i16::abs).into_iter().max().unwrap_or(1);
+    let longest = to.iter().position(|n| n.abs() == length).unwrap_or(0);
     let four = |step: i16| {
-        let down = to.map(|n| (n * step).div_euclid(steps));
-        let up = to.map(|n| -(-n * step).div_euclid(steps));
-        [[false, false], [true, false], [false, true], [true, true]].map(|is_up| {
-            let mut cell = down;
-            for (axis, _) in [one, two]
-                .into_iter()
-                .zip(is_up)
-                .filter(|(_, is_up)| *is_up)
-            {
-                cell[axis] = up[axis];
+        [0, 1, 2, 3].map(|which: usize| {
+            let mut cell = to.map(|n| (n * step).div_euclid(length));
+            for side in [1, 2].into_iter().filter(|side| which & side != 0) {
+                let axis = (longest + side) % 3;
+                cell[axis] = -(-to[axis] * step).div_euclid(length);
             }
-            part.delta(cell)
+            grid.step(cell)
         })
     };
-    (1..steps).map(four).collect()
+    (1..length).map(four).collect()
 }
 
-fn gcd(of: [i16; 3]) -> i16 {
-    let two = |mut a: i16, mut b: i16| {
-        while b != 0 {
-            (a, b) = (b, a % b);
-        }
-        a
-    };
-    of.into_iter().fold(0, |sum, n| two(n.abs(), sum))
+fn gcd(a: i16, b: i16) -> i16 {
+    if b == 0 { a.abs() } else { gcd(b, a % b) }
 }

@@ -16,54 +16,48 @@ fn tee(cells_mm: usize) -> Part {
     .unwrap()
 }
 
-fn space(part: &Part, directions: &[Vector3], head: &HeadProfile, half_mm: [f64; 2]) -> Space {
-    let contains =
-        |[x, y]: [f64; 2]| (x / half_mm[0]).powi(2) + (y / half_mm[1]).powi(2) <= 1.0 + 1e-9;
-    let headings_rad = (0..8)
-        .map(|n| f64::from(n) * std::f64::consts::PI / 8.0)
-        .collect();
-    let aperture = Aperture {
-        headings_rad,
-        reach_mm: half_mm[0].max(half_mm[1]),
-        contains: &contains,
-    };
-    let allowed = |_: [u16; 3], _: usize| true;
+/// Calls with rules for an ellipse.
+fn with_rules<T>(head: &HeadProfile, voxel_mm: f64, call: impl FnOnce(&Rules) -> T) -> T {
+    let contains = |[x, y]: [f64; 2]| (x / 0.6).powi(2) + (y / 0.2).powi(2) <= 1.0 + 1e-9;
+    let headings = 0..8;
+    let headings = headings.map(|n| f64::from(n) * std::f64::consts::PI / 8.0);
     let rules = Rules {
         head,
-        slack_mm: 0.3 * part.voxel_mm(),
+        slack_mm: 0.3 * voxel_mm,
         self_support_rad: 45f64.to_radians(),
-        aperture,
-        allowed: &allowed,
+        aperture: Aperture {
+            headings_rad: headings.collect(),
+            reach_mm: 0.6,
+            contains: &contains,
+        },
+        allowed: &|_, _| true,
     };
-    Space::new(part, directions, &rules).unwrap()
+    call(&rules)
 }
 
 #[test]
 fn rows_of_the_head_are_the_cells_that_meet_it() {
     let part = Part::new([23, 19, 21], 1.7, |_| true).unwrap();
-    let head = gantry();
-    for (number, axis) in directions(1.5, 0.7).iter().enumerate().step_by(5) {
-        let rows = HeadRows::new(&part, axis, &head, 0.5);
-        for z in -20..=20i32 {
-            for y in -18..=18i32 {
-                let plane = rows.planes.iter().find(|plane| i32::from(plane.dz) == z);
+    let axes = directions(1.5, 0.7);
+    with_rules(&gantry(), 1.7, |rules| {
+        for (number, axis) in axes.iter().enumerate().step_by(5) {
+            let rows = HeadRows::new(&part, axis, rules);
+            let is_in = |[x, y, z]: [i32; 3]| {
+                let plane = rows.planes.iter().find(|plane| plane.dz == z);
                 let plane = plane.filter(|plane| (plane.dy_first..plane.dy_end).contains(&y));
-                for x in -22..=22i32 {
-                    let away = Vector3::new(x.into(), y.into(), z.into()) * 1.7;
-                    let is_in = plane.is_some_and(|plane| {
-                        rows.spans(plane, y)
-                            .iter()
-                            .any(|[lo, hi]| (i32::from(*lo)..=(*hi).into()).contains(&x))
-                    });
-                    assert_eq!(
-                        is_in,
-                        meets(&head, axis, 1.7, 0.5, &away),
-                        "direction {number}: {x} {y} {z}"
-                    );
-                }
+                let spans = plane.map_or(&[][..], |plane| rows.spans(plane, y));
+                let holds =
+                    |[low, high]: &[i16; 2]| (i32::from(*low)..=(*high).into()).contains(&x);
+                spans.iter().any(holds)
+            };
+            for cell in super::cube(18) {
+                let cell = cell.map(i32::from);
+                let away = Vector3::from(cell.map(f64::from)) * 1.7;
+                let meets = meets(rules, axis, 1.7, &away);
+                assert_eq!(is_in(cell), meets, "direction {number}: {cell:?}");
             }
         }
-    }
+    });
 }
 
 #[test]
@@ -72,12 +66,11 @@ fn a_t_has_the_share_that_four_slopes_give_by_hand() {
     let part = tee(1);
     let head = gantry();
     for (tilt, by_hand) in [(0f64, 64.0), (15.0, 72.8), (30.0, 87.1), (45.0, 100.0)] {
-        let space = space(
-            &part,
-            &directions(tilt.to_radians(), head.free_tilt_rad()),
-            &head,
-            [0.6, 0.2],
-        );
+        let axes = directions(tilt.to_radians(), head.free_tilt_rad());
+        let space = with_rules(&head, part.voxel_mm(), |rules| {
+            Space::new(&part, &axes, rules)
+        });
+        let space = space.unwrap();
         let reach = space.reach(!0);
         let share = |count: usize| 100.0 * count as f64 / part.cells().len() as f64;
         let most = share(reach.at_most.iter().filter(|laid| **laid).count());
