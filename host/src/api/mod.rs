@@ -30,11 +30,15 @@ mod joints;
 pub(crate) mod part;
 mod planning;
 mod pose;
+mod reach;
 pub(crate) mod ready;
 mod streaming;
 
 pub use crate::input::Units;
 pub use crate::job::MotionState;
+pub use crate::pipeline::reach::{
+    LeftOutPlace, PartReach, ReachDirection, ReachLevel, ReachOptions,
+};
 pub use crate::pipeline::shards::{PlannedBlock, PlannedShard};
 pub use crate::settings::curved_layers::CurvedLayers;
 pub use crate::settings::options::{OPTION_NAMES, Options};
@@ -45,6 +49,7 @@ pub use joints::{JobJoint, JobJoints};
 pub use part::{Part, Reading};
 pub use planning::{Machine, Step, plan, plan_cached, plan_watched};
 pub use pose::JobPose;
+pub use reach::reach;
 pub use streaming::StreamStep;
 
 /// Why something cannot be done; the text gives the place and a remedy.

@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// A machine, checked; the built-in planar one by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Machine {
-    settings: Settings,
+    pub(super) settings: Settings,
 }
 
 impl Machine {

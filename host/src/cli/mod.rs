@@ -52,6 +52,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Plan(plan) => plan::run(plan, &console),
         Command::Replan(replan) => replan::run(replan, &console),
         Command::Headings(headings) => plan::headings::run(headings, &console),
+        Command::Reach(reach) => plan::reach::run(reach, &console),
         Command::Simulate(simulate) => job::simulate::run(simulate, &console),
         Command::Compare(compare) => compare::run(compare, &console),
         Command::View(view) => job::view::run(view, &console),

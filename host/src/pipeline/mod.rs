@@ -34,6 +34,7 @@ mod placed_part;
 mod placed_passes;
 mod plan;
 pub mod planned;
+pub mod reach;
 pub mod replan;
 pub mod roofs;
 pub mod shards;

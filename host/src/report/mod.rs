@@ -22,6 +22,7 @@ pub mod page_layer;
 pub mod plan_marks;
 pub mod plan_picture;
 pub mod pose_table;
+pub mod reach_picture;
 pub mod track;
 pub mod verdict;
 mod verdict_figures;

@@ -150,6 +150,7 @@ keys! {
         price_per_kg: Known = price_per_kg, Within(1e-3, 1e6);
         melt_max_mm3_s: Known = melt_max_mm3_s, Above0(MELT_SPEED_RANGE);
         diameter_mm: Known = diameter_mm, Within(1e-3, 20.0);
+        self_support_deg: Known = self_support_deg, Within(0.0, 89.0);
     }
 }
 

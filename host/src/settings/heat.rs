@@ -30,6 +30,8 @@ pub struct Material {
     pub melt_max_mm3_s: Option<f64>,
     /// Diameter of the filament: the figures tell its length.
     pub diameter_mm: Option<f64>,
+    /// How far a bead may lean off what supports it, from the tool axis; `None` is 45.
+    pub self_support_deg: Option<f64>,
 }
 
 /// Names of the heaters in the order of their numbers, as machine files have them.

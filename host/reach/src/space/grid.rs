@@ -30,7 +30,8 @@ impl Part {
         solid: impl FnMut([usize; 3]) -> bool,
     ) -> Result<Part, SpaceError> {
         let is_size = |n: &usize| (1..=SIDE_MAX).contains(n);
-        if !size.iter().all(is_size) || !(voxel_mm.is_finite() && voxel_mm > 0.0) {
+        let is_voxel = voxel_mm.is_finite() && voxel_mm > 0.0;
+        if !is_voxel || !size.iter().all(is_size) {
             return Err(SpaceError::Size);
         }
         if size.iter().product::<usize>() > PLACES_MAX {

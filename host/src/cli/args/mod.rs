@@ -10,6 +10,7 @@ pub(crate) mod machine;
 mod names;
 pub(crate) mod other_names;
 pub(crate) mod output_path;
+pub(crate) mod reach;
 pub(crate) mod replan;
 pub(crate) mod shell;
 pub(crate) mod wrong_number;
@@ -22,6 +23,7 @@ use crate::cli::args::export::ExportArgs;
 use crate::cli::args::inspect::InspectArgs;
 use crate::cli::args::machine::MachineArgs;
 use crate::cli::args::other_names::{OtherNames, named};
+use crate::cli::args::reach::ReachArgs;
 use crate::cli::args::replan::ReplanArgs;
 use crate::cli::args::shell::{CompletionsArgs, ManArgs};
 pub(crate) use names::FormatName;
@@ -69,6 +71,8 @@ pub(crate) enum Command {
     Replan(ReplanArgs),
     /// Write the feasible headings at every boundary sample.
     Headings(HeadingsArgs),
+    /// Find how much of a mesh the machine can print at most, before any planning.
+    Reach(ReachArgs),
     /// Run a job through the firmware library and check the result.
     Simulate(SimulateArgs),
     /// Plan a part with several nozzles and compare their times.

@@ -5,6 +5,7 @@ pub(crate) mod headings;
 pub(crate) mod missing_heat;
 pub(crate) mod piece_cache;
 pub(crate) mod planned;
+pub(crate) mod reach;
 mod shards;
 pub(crate) mod verdict;
 

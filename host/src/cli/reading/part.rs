@@ -155,7 +155,7 @@ fn surface_of(path: &Path, args: &InputArgs, place: &PlaceArgs) -> Result<Mesh, 
 }
 
 /// The obstacles on the machine: meshes in machine coordinates, mm.
-fn obstacles(paths: &[PathBuf]) -> Result<Obstacles, CliError> {
+pub(crate) fn obstacles(paths: &[PathBuf]) -> Result<Obstacles, CliError> {
     let mut triangles = Vec::new();
     for path in paths {
         let mesh = mesh_of("--obstacle", path, &Reading::default())?;

@@ -3,10 +3,11 @@
 
 use crate::rig::{folder, headway, path, stderr, succeeded};
 
-const COMMANDS: [&str; 11] = [
+const COMMANDS: [&str; 12] = [
     "plan",
     "compare",
     "headings",
+    "reach",
     "simulate",
     "view",
     "export",

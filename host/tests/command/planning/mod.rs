@@ -12,6 +12,7 @@ mod idle_options;
 mod joined_kinds;
 mod meshes;
 mod projects;
+mod reach;
 mod replan;
 mod start_blocks;
 mod surfaces;
