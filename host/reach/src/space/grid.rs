@@ -81,7 +81,8 @@ fn cells_of([nx, ny, nz]: [usize; 3], mut is_in: impl FnMut([usize; 3]) -> bool)
     all.map(|cell| cell.map(|n| n as u16)).collect()
 }
 
-/// Places: cells numbered along x, then y, then z, with so many empty ones around that a way between two cells leads nowhere else.
+/// Places: cells numbered along x, then y, then z, with so many empty ones around that no step leads from a cell to the
+/// next row.
 pub(super) struct Grid {
     size: [usize; 3],
     pad: usize,

@@ -1,9 +1,9 @@
 //! At most and found: what grows from the bed, without and with the head.
 //!
-//! An order is sought forwards first, as the bound grew; up to the head's free tilt that nearly always lays everything. Otherwise it
-//! is sought from its end too: what the head reaches while all of the rest stands is taken away, what grew last first, as
-//! long as the rest keeps its support. That frees poses and never blocks one, so a blocked pose is tried again only when the cell in its
-//! way has gone. What stays is laid first. The larger result counts.
+//! An order is sought by height first; up to the head's free tilt that nearly always lays everything. Otherwise it is sought
+//! from its end too: what the head reaches while all of the rest stands is taken away, what is farthest from the bed first, as
+//! long as the rest keeps its support. That frees poses and never blocks one, so a blocked pose is tried again only when the
+//! cell in its way has gone. What stays is laid first. The larger result counts.
 
 use super::grid::{NONE, Standing};
 use super::{Space, Step, bits};
@@ -15,8 +15,8 @@ const UNKNOWN: u32 = u32::MAX;
 const FREE: u32 = u32::MAX - 1;
 
 impl Space {
-    /// Cells that support and poses allow in some order, in such an order. More material never takes support away, so that the set
-    /// is the same for each order of growing.
+    /// Cells that support and poses allow in some order, in such an order. More material never takes support away, so that
+    /// the set is the same for each order of growing.
     pub(super) fn grow(&self, usable: u128) -> Vec<u32> {
         let mut standing = Standing::new(&self.grid);
         let mut grown = Vec::new();

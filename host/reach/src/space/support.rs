@@ -1,7 +1,7 @@
 //! What supports a cell: a line of standing cells below it, along the tool axis, that leans no more than the material permits.
 //!
-//! Lines are up to [`DEPTH`] cells long: with the nearest cells alone slopes would be multiples of 45°, and the share of a part wrong
-//! by up to 8 points. Obstacles support nothing.
+//! Lines are up to [`DEPTH`] cells long: with the nearest cells alone slopes would be multiples of 45°, and the share of a
+//! part wrong by up to 8 points. Obstacles support nothing.
 
 use super::grid::{Grid, Standing};
 use super::{EPSILON, Part};

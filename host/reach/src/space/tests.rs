@@ -1,5 +1,5 @@
-//! Goal: the tables are the rules of the heads of the files, a part known by hand has its share, and orders hold up. Method: plain
-//! loops over cells; a T whose share follows from four slopes.
+//! Goal: rows of the head are its cells, a part known by hand has its share, directions fit into a mask. Method: plain loops
+//! over cells; a T whose share follows from four slopes.
 
 use super::*;
 use crate::space::head_rows::meets;
@@ -81,4 +81,47 @@ fn a_t_has_the_share_that_four_slopes_give_by_hand() {
         );
         assert!(most - share(reach.steps.len()) < 0.5);
     }
+}
+
+#[test]
+fn rings_fit_into_a_mask() {
+    for tilt in 0..=95 {
+        for free in 0..=90 {
+            let [tilt_rad, free_rad] = [tilt, free].map(|deg| f64::from(deg).to_radians());
+            let count = directions(tilt_rad, free_rad).len();
+            assert!(
+                (1..=DIRECTIONS_MAX).contains(&count),
+                "{tilt} {free}: {count}"
+            );
+        }
+    }
+}
+
+#[test]
+fn every_step_of_an_order_keeps_the_head_off_what_stands() {
+    // A roof on two posts with a tongue below it: the head is in the way inside.
+    let size = [20, 8, 16];
+    let part = Part::new(size, 2.0, |[x, _, z]| {
+        z >= 13 || x < 4 || x >= 16 || (8..11).contains(&x) && z >= 9
+    });
+    let part = part.unwrap();
+    let axes = directions(1.5, 0.7);
+    let head = gantry();
+    with_rules(&head, 2.0, |rules| {
+        let reach = Space::new(&part, &axes, rules).unwrap().reach(!0);
+        let middle = |cell: u32| Vector3::from(part.cells()[cell as usize].map(f64::from)) * 2.0;
+        for (count, step) in reach.steps.iter().enumerate() {
+            let axis = &axes[usize::from(step.direction)];
+            for before in &reach.steps[..count] {
+                let away = middle(before.cell) - middle(step.pose);
+                assert!(
+                    before.cell != step.cell && !meets(rules, axis, 2.0, &away),
+                    "{count}"
+                );
+            }
+            assert!(reach.at_most[step.cell as usize]);
+        }
+        let tilted = |step: &&Step| axes[usize::from(step.direction)].z < 0.9;
+        assert!(reach.steps.iter().filter(tilted).count() > 10);
+    });
 }

@@ -156,15 +156,7 @@ pub fn part_reach(
         tables.reach(bits.fold(0, |mask, (bit, _): (u32, _)| mask | 1 << bit))
     };
     let mut reaches: Vec<Reach> = tilts.par_iter().map(up_to).collect();
-    // What a smaller tilt can do, a larger one can.
-    for level in 1..reaches.len() {
-        if reaches[level].steps.len() < reaches[level - 1].steps.len() {
-            let Reach {
-                steps, left_out, ..
-            } = reaches[level - 1].clone();
-            (reaches[level].steps, reaches[level].left_out) = (steps, left_out);
-        }
-    }
+    keep_larger(&mut reaches);
     let mut notes = Vec::new();
     if head.is_none() {
         notes.push(
@@ -180,6 +172,17 @@ pub fn part_reach(
         profile.free_tilt_rad(),
         notes,
     ))
+}
+
+/// What a smaller tilt can do, a larger one can.
+fn keep_larger(reaches: &mut [Reach]) {
+    for level in 1..reaches.len() {
+        if reaches[level].steps.len() < reaches[level - 1].steps.len() {
+            let smaller = reaches[level - 1].clone();
+            reaches[level].steps = smaller.steps;
+            reaches[level].left_out = smaller.left_out;
+        }
+    }
 }
 
 fn of_levels(

@@ -1,5 +1,6 @@
-//! Goal: `headway reach` has the share that is known by hand, the same for a part that is turned, every figure that is promised, and
-//! refuses what has no answer. Method: a T of two boxes on the gantry of the examples: 64.0 % upright by self-support of 45°.
+//! Goal: `headway reach` has the share that is known by hand, the same for a part that is turned, every figure that is
+//! promised, and refuses what has no answer. Method: a T of two boxes on the gantry of the examples, 64.0 % upright with
+//! self-support of 45°.
 
 use crate::rig::{box_triangles, folder, headway, object, path, stderr, stl, succeeded};
 use std::path::{Path, PathBuf};
