@@ -236,6 +236,7 @@ impl Job {
             stream: &self.stream,
             machine: &self.file.header.machine,
             tip_acceleration_mm_s2: self.settings.tip_acceleration_mm_s2,
+            pump: self.settings.pump.as_ref(),
         };
         let options = ProgramOptions::of_settings(language, name, &self.settings);
         let program =

@@ -1,15 +1,16 @@
 //! KRL: a module of a main program and a local one for each layer; a part too large is several programs.
 //!
 //! In: procedures. Out: `name.src` and `name.dat`, and `name_2` and so on, which are run one after the other: a KRC keeps all
-//! programs in memory. Source: KUKA System Software 8.x, Operating and Programming Instructions for System Integrators: LIN
-//! with C_DIS and $APO.CDIS (mm), $VEL.CP (m/s), $VEL.ORI1 and $VEL.ORI2 (degrees/s), $ADVANCE, BAS.
+//! programs in memory; with a pump `name_stop.sub`, which the submit interpreter calls. Source: KUKA System Software 8.x,
+//! Operating and Programming Instructions for System Integrators: LIN with C_DIS and $APO.CDIS (mm), $VEL.CP (m/s), $VEL.ORI1
+//! and $VEL.ORI2 (degrees/s), $ADVANCE, BAS, TRIGGER WHEN DISTANCE, $ANOUT and $OUT, $STOPMESS and $PRO_STATE1.
 
 use super::configuration::{AXES, status_and_turn};
 use super::procedures::{Procedure, end_of};
 use super::text::{WRITTEN_BY, checked_number, digits, program_name, rounded_down, short};
 use super::walk::{Block, Place, Walk};
 use super::{Language, Program, ProgramError, ProgramFile, ProgramJob, ProgramOptions};
-use super::{arm_of, in_files, stops_note};
+use super::{OutputNumber, arm_of, in_files, output_number, stops_note};
 use headway_firmware::configuration::Arm;
 
 /// Digits of angles in degrees.
@@ -28,6 +29,7 @@ struct Krl<'a> {
     acceleration_m_s2: f64,
     tool: u32,
     base: u32,
+    pump: Option<OutputNumber>,
 }
 
 /// What the text so far has set.
@@ -64,6 +66,12 @@ pub(super) fn program(
             1..=32,
             "the number of BASE_DATA, 1 to 32",
         )?,
+        pump: output_number(
+            job,
+            [1..=32, 1..=4096],
+            (walk.output_max, 1.0),
+            "the number of $ANOUT, 1 to 32, or of $OUT, 1 to 4096",
+        )?,
     };
     let name = program_name(options)?;
     let (parts, stops) = in_files(procedures, options, |of| krl.procedure(of));
@@ -76,9 +84,12 @@ pub(super) fn program(
             _ => format!("{name}_{number}"),
         };
         let mut text = krl.head(&module, &start, [number, count]);
+        let output = part.first().map_or(0.0, |of| of.0.output_before);
+        text += &krl.set(output);
         for (procedure, _) in part {
             text += &format!("{}( )\n", procedure.name());
         }
+        text += &krl.set(0.0);
         text += "END\n";
         text.extend(part.iter().map(|(_, text)| text.as_str()));
         files.push(ProgramFile {
@@ -96,6 +107,20 @@ pub(super) fn program(
         krl.tool, krl.base
     )];
     notes.extend(stops_note(stops));
+    if krl.pump.is_some() {
+        let module = format!("{name}_stop");
+        notes.push(format!(
+            "call {module}( ) in the loop of SPS.SUB: without it the pump runs on where the robot stops"
+        ));
+        let text = format!(
+            "&ACCESS RVO\nDEF {module}( )\n; {WRITTEN_BY}\nIF $STOPMESS OR ($PRO_STATE1<>#P_ACTIVE) THEN\n{}ENDIF\nEND\n",
+            krl.set(0.0)
+        );
+        files.push(ProgramFile {
+            name: format!("{module}.sub"),
+            text,
+        });
+    }
     if count > 1 {
         notes.push(format!(
             "{count} programs, to be selected one after the other"
@@ -134,12 +159,36 @@ impl Krl<'_> {
         let mut text = format!("DEF {}( )\n; {}\n", of.name(), of.title(self.layers));
         let mut set = Set::default();
         for step in &of.steps {
-            match &step.block {
-                Some(block) => self.block(block, &mut set, &mut text),
-                None => text += &format!("WAIT SEC {}\n", short(step.seconds, 3)),
+            match (&step.block, step.output) {
+                (Some(block), output) => {
+                    let change = output.and_then(|value| self.assignment(value));
+                    if let Some(change) = change {
+                        text += &format!("TRIGGER WHEN DISTANCE=1 DELAY=0 DO {change}\n");
+                    }
+                    self.block(block, &mut set, &mut text);
+                }
+                (None, output) => {
+                    text += &format!("WAIT SEC {}\n", short(step.seconds, 3));
+                    text += &output.map(|value| self.set(value)).unwrap_or_default();
+                }
             }
         }
         text + "END\n"
+    }
+
+    /// What gives the pump's output a value.
+    fn assignment(&self, value: f64) -> Option<String> {
+        let OutputNumber { number, is_digital } = self.pump.as_ref()?;
+        Some(match (is_digital, value > 0.0) {
+            (true, true) => format!("$OUT[{number}]=TRUE"),
+            (true, false) => format!("$OUT[{number}]=FALSE"),
+            (false, _) => format!("$ANOUT[{number}]={}", short(value, 5)),
+        })
+    }
+
+    fn set(&self, value: f64) -> String {
+        let assignment = self.assignment(value);
+        assignment.map_or(String::new(), |text| text + "\n")
     }
 
     fn block(&self, block: &Block, set: &mut Set, text: &mut String) {

@@ -8,13 +8,15 @@
 //! at the tip and at the nozzle's end allows, never at even times; each block goes at the mean speed that the job has there,
 //! so that the controller's own limits need not bind; corners are blended by as much as the tolerance allows, and the
 //! program rests where the job rests. Tool and work object are named: they are calibrated on the controller. The tool's z
-//! points out of the nozzle, its x along the nozzle's long side; the work object is the machine's coordinates. Not
-//! covered: outputs of a pump, heaters.
+//! points out of the nozzle, its x along the nozzle's long side; the work object is the machine's coordinates. A pump that
+//! the machine file has is switched ahead of its flow, and by a routine of the controller's own where it stops. Not covered:
+//! heaters, pumps as external axes.
 
 mod configuration;
 mod krl;
 mod pace;
 pub mod procedures;
+pub mod pump;
 mod rapid;
 mod sinumerik;
 pub mod text;
@@ -23,8 +25,11 @@ pub mod walk;
 
 use crate::job::SegmentStream;
 use crate::settings::Settings;
+use crate::settings::pump::{PumpKind, PumpOutput};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use procedures::{Procedure, procedures};
+use pump::OutputChanges;
+use std::ops::RangeInclusive;
 use walk::{Tolerances, Walk};
 
 /// Controllers' languages; the texts are the command's help.
@@ -135,6 +140,8 @@ pub struct ProgramJob<'a> {
     pub machine: &'a MachineConfiguration,
     /// Tip acceleration of the plan, mm/s².
     pub tip_acceleration_mm_s2: f64,
+    /// The pump that the program switches; `None` leaves it alone.
+    pub pump: Option<&'a PumpOutput>,
 }
 
 /// A file of a program.
@@ -232,7 +239,13 @@ pub fn write_program(job: &ProgramJob, options: &ProgramOptions) -> Result<Progr
         });
     }
     let tolerances = Tolerances::of(options);
-    let walk = Walk::of(job, &tolerances)?;
+    let servo_hz = f64::from(job.stream.machine(job.machine).servo_hz);
+    let mut changes = OutputChanges::default();
+    let mut walk = Walk::of(job, &tolerances, &changes)?;
+    if let Some(pump) = job.pump {
+        changes = OutputChanges::of(job.stream, servo_hz, pump, &walk.clock());
+        walk = Walk::of(job, &tolerances, &changes)?;
+    }
     let procedures = procedures(&walk);
     let mut program = match options.language {
         Language::Rapid => rapid::program(job, options, &walk, procedures)?,
@@ -243,10 +256,13 @@ pub fn write_program(job: &ProgramJob, options: &ProgramOptions) -> Result<Progr
     program.points = walk.points();
     program.points_a_second = walk.points_a_second();
     program.duration_s = walk.duration_s;
-    program.notes.push(
-        "the program moves the nozzle; it sets no output: start and stop of the pump are the controller's"
-            .to_string(),
-    );
+    program.notes.extend(changes.notes);
+    if job.pump.is_none() {
+        program.notes.push(
+            "the program sets no output: give the machine file a [pump], or start and stop it by hand"
+                .to_string(),
+        );
+    }
     if program.points_a_second > POINTS_A_SECOND_TOLD {
         program.notes.push(format!(
             "up to {:.0} points a second: a controller that looks few blocks ahead slows down or stops there; allow more \
@@ -292,6 +308,36 @@ fn in_files(
         }
     }
     (files, stops)
+}
+
+/// An output that a controller counts.
+struct OutputNumber {
+    number: u32,
+    is_digital: bool,
+}
+
+/// The pump's, where it is one of those that are known and its greatest value is within its range.
+fn output_number(
+    job: &ProgramJob,
+    [analog, digital]: [RangeInclusive<u32>; 2],
+    (value, value_max): (f64, f64),
+    rule: &'static str,
+) -> Result<Option<OutputNumber>, ProgramError> {
+    let Some(pump) = job.pump else {
+        return Ok(None);
+    };
+    let is_digital = pump.kind == PumpKind::Digital;
+    let known = if is_digital { digital } else { analog };
+    let given = Some(pump.output.clone());
+    let number = text::checked_number(&given, 0, "pump.output", known, rule)?;
+    if value > value_max {
+        return Err(ProgramError::Number {
+            option: "pump.mm3_s_per_unit: the output's greatest value",
+            given: value,
+            rule: "it is above the output's range; set rate_max_mm3_s, or a pump with a larger scale",
+        });
+    }
+    Ok(Some(OutputNumber { number, is_digital }))
 }
 
 /// The arm of a machine that a language of arms is for.

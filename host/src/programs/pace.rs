@@ -24,6 +24,12 @@ pub(super) fn pace(blocks: &mut [Block], acceleration_mm_s2: f64) {
             entry = exit;
         }
     }
+    let corners = corner_speeds(blocks, acceleration_mm_s2);
+    let mut entry = 0.0;
+    for (block, exit) in blocks.iter_mut().zip(corners) {
+        block.lasts_s = seconds(block, [entry, exit], acceleration_mm_s2);
+        entry = exit;
+    }
 }
 
 /// The speed at the end of each block.

@@ -13,6 +13,8 @@ pub struct Step {
     pub block: Option<Block>,
     /// How long it takes, s.
     pub seconds: f64,
+    /// What the pump's output is set to at its end.
+    pub output: Option<f64>,
 }
 
 /// Some of a layer's blocks.
@@ -28,6 +30,8 @@ pub struct Procedure {
     pub seconds: f64,
     /// What is laid, mm³.
     pub volume_mm3: f64,
+    /// What the pump's output is where it begins.
+    pub output_before: f64,
 }
 
 impl Procedure {
@@ -63,6 +67,7 @@ impl Procedure {
 /// The procedures of a job.
 pub fn procedures(walk: &Walk) -> Vec<Procedure> {
     let mut made: Vec<Procedure> = Vec::new();
+    let mut output = 0.0;
     for run in &walk.runs {
         let layer = run.layer + 1;
         for step in steps_of(run) {
@@ -76,6 +81,7 @@ pub fn procedures(walk: &Walk) -> Vec<Procedure> {
                     steps: Vec::new(),
                     seconds: 0.0,
                     volume_mm3: 0.0,
+                    output_before: output,
                 });
             }
             if let Some(last) = made.last_mut() {
@@ -85,6 +91,7 @@ pub fn procedures(walk: &Walk) -> Vec<Procedure> {
                 }
                 last.steps.push(step);
             }
+            output = step.output.unwrap_or(output);
         }
     }
     made
@@ -100,13 +107,15 @@ pub(super) fn end_of<'a>(
 }
 
 fn steps_of(run: &Run) -> impl Iterator<Item = Step> {
-    let rest = (run.rest_s > 0.0).then_some(Step {
+    let rests = run.rests.iter().map(|&(seconds, output)| Step {
         block: None,
-        seconds: run.rest_s,
+        seconds,
+        output,
     });
     let blocks = run.blocks.iter().map(|block| Step {
         block: Some(*block),
         seconds: block.seconds,
+        output: block.output,
     });
-    blocks.chain(rest)
+    blocks.chain(rests)
 }

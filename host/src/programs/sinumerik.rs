@@ -1,13 +1,14 @@
 //! Sinumerik G-code of a gantry with a heading axis: X Y Z and C, counted over turns.
 //!
 //! In: procedures. Out: `name.mpf` with subprograms for the layers, called by EXTCALL where it is too large. Source: Siemens,
-//! SINUMERIK 840D sl Programming Manual Fundamentals and Job planning: FGROUP, G642 with CTOL and OTOL, G9, G4, SOFT.
+//! SINUMERIK 840D sl Programming Manual Fundamentals and Job planning: FGROUP, G642 with CTOL and OTOL, G9, G4, SOFT; Synchronized
+//! actions: IDS, WHENEVER, WHEN. A pump is off wherever the path stands, by a static action, and is set as soon as it moves.
 
 use super::procedures::Procedure;
 use super::text::{WRITTEN_BY, checked_number, digits, program_name, rounded_down, short};
-use super::walk::{Block, Place, Walk};
+use super::walk::{Block, Place, Run, Walk};
 use super::{Language, Program, ProgramError, ProgramFile, ProgramJob, ProgramOptions};
-use super::{in_files, stops_note};
+use super::{OutputNumber, in_files, output_number, stops_note};
 use crate::gcode::write::is_tilting;
 use headway_firmware::configuration::Kinematics;
 
@@ -26,6 +27,7 @@ const START_MM_MIN: u32 = 1000;
 struct Sinumerik {
     digits: usize,
     layers: u32,
+    pump: Option<OutputNumber>,
 }
 
 /// What the text so far has set.
@@ -33,6 +35,10 @@ struct Sinumerik {
 struct Set {
     words: [String; 4],
     feed: f64,
+    /// The pump's output.
+    output: f64,
+    /// True where it is to be set with the next motion: it changes, or the path stood.
+    is_due: bool,
 }
 
 /// The program's files.
@@ -65,6 +71,12 @@ pub(super) fn program(
     let nc = Sinumerik {
         digits: digits(options),
         layers: walk.layers,
+        pump: output_number(
+            job,
+            [1..=8, 1..=40],
+            (walk.output_max, f64::INFINITY),
+            "the number of $A_OUTA, 1 to 8, or of $A_OUT, 1 to 40",
+        )?,
     };
     let name = program_name(options)?;
     let (parts, stops) = in_files(procedures, options, |of| nc.procedure(of));
@@ -73,7 +85,7 @@ pub(super) fn program(
         "; {WRITTEN_BY}: {} layers\nG90 G71 G94 G{frame} D0\nFGROUP(X,Y,Z)\nG642 CTOL={} OTOL={HEADING_DEG}\nSOFT\n{}",
         walk.layers,
         short(CONTOUR_SHARE * options.tolerance_mm, 4),
-        nc.approach(&walk.start)
+        nc.off_at_rest() + &nc.approach(&walk.start)
     );
     let mut files = Vec::new();
     for (number, part) in (1..).zip(parts) {
@@ -101,6 +113,18 @@ pub(super) fn program(
         "G{frame} is the machine file's coordinates, C = 0 is the nozzle's long side along X; C counts turns and is no modulo axis"
     )];
     notes.extend(stops_note(stops));
+    let pumps_at_rest = |run: &Run| {
+        run.rests
+            .iter()
+            .any(|rest| rest.1.is_some_and(|value| value > 0.0))
+    };
+    if walk.runs.iter().any(pumps_at_rest) {
+        notes.push(
+            "this controller's pump is off while the head rests: it starts with the motion there; set flow.pump_start_mm and \
+             flow.prime_mm3 to 0 and use pump.start_lead_s, which is spent on the way"
+                .to_string(),
+        );
+    }
     Ok(Program {
         files,
         notes,
@@ -120,6 +144,32 @@ impl Sinumerik {
         ]
     }
 
+    /// The output's name, and a value of it.
+    fn output(&self, value: f64) -> Option<String> {
+        let OutputNumber { number, is_digital } = self.pump.as_ref()?;
+        Some(match is_digital {
+            true => format!("$A_OUT[{number}]={value}"),
+            false => format!("$A_OUTA[{number}]={}", short(value, 4)),
+        })
+    }
+
+    /// The pump's output gets a value as soon as the next block moves; off it is set at once.
+    fn change(&self, value: f64) -> String {
+        let Some(output) = self.output(value) else {
+            return String::new();
+        };
+        let when = if value > 0.0 { "$AC_VACTW>0" } else { "TRUE" };
+        format!("WHEN {when} DO {output}\n")
+    }
+
+    /// Static: also in other modes, and after the program.
+    fn off_at_rest(&self) -> String {
+        let output = self.output(0.0);
+        output.map_or(String::new(), |output| {
+            format!("IDS=1 WHENEVER $AC_VACTW==0 DO {output}\n")
+        })
+    }
+
     /// Z alone first: the head stands anywhere.
     fn approach(&self, start: &Place) -> String {
         let [x, y, z, c] = self.words(start);
@@ -128,12 +178,19 @@ impl Sinumerik {
 
     fn procedure(&self, of: &Procedure) -> String {
         let mut text = format!("; {}\n", of.title(self.layers));
-        let mut set = Set::default();
+        let mut set = Set {
+            output: of.output_before,
+            is_due: true,
+            ..Set::default()
+        };
         for step in &of.steps {
             match &step.block {
                 Some(block) => self.block(block, &mut set, &mut text),
                 None => text += &format!("G4 F{}\n", short(step.seconds, 3)),
             }
+            let stands = step.block.is_none_or(|block| block.blend_mm <= 0.0);
+            set.is_due |= stands || step.output.is_some();
+            set.output = step.output.unwrap_or(set.output);
         }
         text
     }
@@ -154,6 +211,9 @@ impl Sinumerik {
             _ => 60.0 * block.speed_mm_s,
         };
         let feed = rounded_down(feed, FEED_DIGITS);
+        if std::mem::take(&mut set.is_due) {
+            *text += &self.change(set.output);
+        }
         let stops = if block.blend_mm > 0.0 { "" } else { " G9" };
         *text += &format!("G1{stops} {}", changed.join(" "));
         if feed != set.feed {

@@ -2,13 +2,13 @@
 //!
 //! In: procedures. Out: `name.script`, and `name_2.script` and so on, which are run one after the other. Source: Universal
 //! Robots, The URScript Programming Language: movep and movel with a (m/s²), v (m/s) or t (s), r (m), pose_trans. Blocks that
-//! only turn are told their time. A UR's own joints are no `arm6`: their ranges and speeds are the controller's to keep.
+//! only turn are told their time. set_standard_analog_out, set_standard_digital_out and what they are while no program runs. A UR's own joints are no `arm6`: their ranges and speeds are the controller's to keep.
 
 use super::procedures::{Procedure, end_of};
 use super::text::{WRITTEN_BY, checked_name, digits, program_name, rounded_down, short};
 use super::walk::{Block, Place, Walk};
 use super::{Language, Program, ProgramError, ProgramFile, ProgramJob, ProgramOptions};
-use super::{in_files, stops_note};
+use super::{OutputNumber, in_files, output_number, stops_note};
 use headway_firmware::configuration::Kinematics;
 use headway_firmware::kinematics::joint_channels;
 use headway_protocol::units::CHANNEL_HEADING;
@@ -22,6 +22,7 @@ struct UrScript {
     digits: usize,
     layers: u32,
     acceleration_m_s2: String,
+    pump: Option<OutputNumber>,
 }
 
 /// The program's files.
@@ -55,6 +56,12 @@ pub(super) fn program(
         digits: digits(options) + 3,
         layers: walk.layers,
         acceleration_m_s2: short(1e-3 * job.tip_acceleration_mm_s2, 3),
+        pump: output_number(
+            job,
+            [0..=1, 0..=7],
+            (walk.output_max, 1.0),
+            "the number of a standard output: 0 or 1 of the analog ones, 0 to 7 of the digital ones",
+        )?,
     };
     let name = program_name(options)?;
     let (parts, stops) = in_files(procedures, options, |of| ur.procedure(of));
@@ -76,10 +83,13 @@ pub(super) fn program(
         }
         text += &ur.blended();
         text.extend(part.iter().map(|(_, text)| text.as_str()));
+        text += &ur.off_while_stopped();
         text += &format!("  movej({}, a=0.5, v=0.3)\n", ur.pose(&start));
+        text += &ur.set(part.first().map_or(0.0, |of| of.0.output_before));
         for (procedure, _) in part {
             text += &format!("  {}()\n", procedure.name());
         }
+        text += &ur.set(0.0);
         text += &format!("end\n{program}()\n");
         files.push(ProgramFile {
             name: format!("{program}.{}", Language::UrScript.ending()),
@@ -149,8 +159,34 @@ impl UrScript {
                 Some(block) => self.block(block),
                 None => format!("sleep({})\n", short(step.seconds, 3)),
             };
+            text += &step.output.map(|value| self.set(value)).unwrap_or_default();
         }
         text + "  end\n"
+    }
+
+    /// Sets the pump's output; after a blended block where the blend begins.
+    fn set(&self, value: f64) -> String {
+        match &self.pump {
+            Some(of) if of.is_digital => {
+                let state = if value > 0.0 { "True" } else { "False" };
+                format!("set_standard_digital_out({},{state})\n", of.number)
+            }
+            Some(of) => format!(
+                "set_standard_analog_out({},{})\n",
+                of.number,
+                short(value, 5)
+            ),
+            None => String::new(),
+        }
+    }
+
+    /// The output is at its least while no program runs.
+    fn off_while_stopped(&self) -> String {
+        let Some(OutputNumber { number, is_digital }) = &self.pump else {
+            return String::new();
+        };
+        let kind = if *is_digital { "digital" } else { "analog" };
+        format!("  set_runstate_standard_{kind}_output_to_value({number},1)\n")
     }
 
     fn block(&self, block: &Block) -> String {

@@ -5,6 +5,7 @@
 //! where the speed has changed much, and before the tool turns so far that the shorter way round is another.
 
 use super::pace::pace;
+use super::pump::{OutputChange, OutputChanges};
 use super::{ProgramError, ProgramJob, ProgramOptions};
 use crate::drive::joint_track::JointTrack;
 use crate::gcode::write::lines::{EvenHeading, LineTolerances, beside, move_ends};
@@ -32,6 +33,10 @@ const SPEED_RATIO: f64 = 1.25;
 const BLOCK_S: f64 = 0.1;
 /// Servo ticks between two looks at the joints, to count their turns: 32 ms at 2 kHz.
 const LOOK_TICKS: usize = 64;
+/// How near to the end of a block a change of the output is set there, s: shorter blocks are none for a controller.
+const NEAR_S: f64 = 4e-3;
+/// Longest blend at whose beginning or end it may come, s.
+const OUTPUT_S: f64 = 2e-3;
 /// Time over which points are counted, s.
 const WINDOW_S: f64 = 0.5;
 
@@ -76,6 +81,8 @@ pub struct Block {
     pub to: Place,
     /// Its time in the job, s.
     pub seconds: f64,
+    /// Its time on a controller (`pace.rs`), s.
+    pub lasts_s: f64,
     /// Way of the tip, mm.
     pub length_mm: f64,
     /// Turn of the tool, rad.
@@ -90,6 +97,8 @@ pub struct Block {
     pub peak_mm_s: f64,
     /// By how much the path turns at its end, rad.
     pub corner_rad: f64,
+    /// What the pump's output is set to at its end.
+    pub output: Option<f64>,
 }
 
 impl Block {
@@ -113,8 +122,8 @@ pub struct Run {
     pub layer: u32,
     /// The blocks; none where the head rests.
     pub blocks: Vec<Block>,
-    /// Seconds of a rest.
-    pub rest_s: f64,
+    /// Seconds of rests, and what the pump's output is set to at the end of each.
+    pub rests: Vec<(f64, Option<f64>)>,
 }
 
 /// A job as blocks.
@@ -128,6 +137,8 @@ pub struct Walk {
     pub duration_s: f64,
     /// Layers.
     pub layers: u32,
+    /// Greatest value of the pump's output.
+    pub output_max: f64,
 }
 
 impl Walk {
@@ -135,7 +146,11 @@ impl Walk {
     ///
     /// # Errors
     /// [`ProgramError::NoJoints`].
-    pub fn of(job: &ProgramJob, tolerances: &Tolerances) -> Result<Walk, ProgramError> {
+    pub fn of(
+        job: &ProgramJob,
+        tolerances: &Tolerances,
+        changes: &OutputChanges,
+    ) -> Result<Walk, ProgramError> {
         let machine = job.stream.machine(job.machine);
         let servo_hz = f64::from(machine.servo_hz);
         let mut walker = Walker {
@@ -152,24 +167,59 @@ impl Walk {
             runs: Vec::new(),
             duration_s: 0.0,
             layers: job.stream.layers(),
+            output_max: changes.list.iter().map(|of| of.value).fold(0.0, f64::max),
         };
         let mut at = start;
         for mark in &job.stream.marks {
             let ticks = [mark.start_tick, mark.end_tick];
-            let blocks = walker.blocks(ticks, &at)?;
-            let seconds = (mark.end_tick - mark.start_tick) as f64 / servo_hz;
-            walk.duration_s += seconds;
-            if let Some(last) = blocks.last() {
-                at = last.to;
-            }
+            // What comes right after a run is set at its end.
+            let near = (NEAR_S * servo_hz) as u64;
+            let from = if walk.runs.is_empty() {
+                0
+            } else {
+                mark.start_tick + near
+            };
+            let changes = changes.within([from, mark.end_tick + near]);
+            let blocks = walker.blocks(ticks, &at, changes)?;
+            walk.duration_s += (mark.end_tick - mark.start_tick) as f64 / servo_hz;
+            let rests = match blocks.last() {
+                Some(last) => {
+                    at = last.to;
+                    Vec::new()
+                }
+                None => rests(ticks, changes, servo_hz),
+            };
             walk.runs.push(Run {
                 state: mark.state,
                 layer: mark.layer,
-                rest_s: if blocks.is_empty() { seconds } else { 0.0 },
+                rests,
                 blocks,
             });
         }
         Ok(walk)
+    }
+
+    /// Times of the job at which the controller is at the ends of blocks, and its own, s.
+    pub fn clock(&self) -> Vec<[f64; 2]> {
+        let rests =
+            |run: &Run| -> Vec<[f64; 2]> { run.rests.iter().map(|rest| [rest.0; 2]).collect() };
+        let blocks = |run: &Run| -> Vec<[f64; 2]> {
+            let times = run
+                .blocks
+                .iter()
+                .map(|block| [block.seconds, block.lasts_s]);
+            times.collect()
+        };
+        let mut now = [0.0; 2];
+        let steps = self
+            .runs
+            .iter()
+            .flat_map(|run| [blocks(run), rests(run)].concat());
+        let ends = steps.map(|step| {
+            now = [now[0] + step[0], now[1] + step[1]];
+            now
+        });
+        std::iter::once([0.0; 2]).chain(ends).collect()
     }
 
     /// Number of its blocks.
@@ -182,7 +232,7 @@ impl Walk {
         let mut now_s = 0.0;
         let ends = self.runs.iter().flat_map(|run| {
             let times = run.blocks.iter().map(|block| block.seconds);
-            times.chain((run.rest_s > 0.0).then_some(run.rest_s))
+            times.chain(run.rests.iter().map(|rest| rest.0))
         });
         let ends: Vec<f64> = ends
             .map(|seconds| {
@@ -200,6 +250,37 @@ impl Walk {
         }
         most as f64 / WINDOW_S
     }
+}
+
+/// A rest, divided where the output changes.
+fn rests([from, to]: [u64; 2], changes: &[OutputChange], servo_hz: f64) -> Vec<(f64, Option<f64>)> {
+    let mut before = from;
+    let mut rests = Vec::new();
+    let ends = changes.iter().map(|of| (of.tick.min(to), Some(of.value)));
+    for (tick, output) in ends.chain([(to, None)]) {
+        if tick > before {
+            rests.push(((tick - before) as f64 / servo_hz, output));
+        }
+        before = tick;
+    }
+    rests
+}
+
+/// The ends of blocks, with those added where the output changes and none is near.
+fn with_changes(ends: Vec<usize>, changes: &[usize], near: usize) -> Vec<usize> {
+    let mut all = ends;
+    for tick in changes {
+        let at = all.partition_point(|end| end < tick);
+        let is_near = |index: usize| {
+            all.get(index)
+                .is_some_and(|end| end.abs_diff(*tick) <= near)
+        };
+        let has_end = is_near(at) || at > 0 && is_near(at - 1);
+        if !has_end {
+            all.insert(at, *tick);
+        }
+    }
+    all
 }
 
 /// The ends of blocks, with those added that keep every tick within the tolerance: between far ends not all were looked at.
@@ -238,7 +319,12 @@ impl Walker<'_> {
     }
 
     /// The blocks from tick to tick; none where nothing moves.
-    fn blocks(&mut self, [from, to]: [u64; 2], start: &Place) -> Result<Vec<Block>, ProgramError> {
+    fn blocks(
+        &mut self,
+        [from, to]: [u64; 2],
+        start: &Place,
+        changes: &[OutputChange],
+    ) -> Result<Vec<Block>, ProgramError> {
         let poses: Vec<[f64; CHANNELS]> = (from..=to).map(|tick| self.poses.at(tick)).collect();
         let moves = |pose: &[f64; CHANNELS]| pose[..CHANNEL_VOLUME] != poses[0][..CHANNEL_VOLUME];
         if !poses.iter().any(moves) {
@@ -248,7 +334,12 @@ impl Walker<'_> {
         let mut before = 0;
         let mut at = *start;
         let mut blocks = Vec::new();
-        for end in self.ends(&poses, &speeds) {
+        let ticks: Vec<usize> = changes
+            .iter()
+            .map(|of| (of.tick.min(to) - from) as usize)
+            .collect();
+        let ends = self.ends(&poses, &speeds, &ticks);
+        for &end in &ends {
             for tick in (before..end).step_by(LOOK_TICKS) {
                 self.joints(&poses[tick], from + tick as u64)?;
             }
@@ -263,15 +354,23 @@ impl Walker<'_> {
             blocks.push(Block {
                 to,
                 seconds: (end - before) as f64 / self.servo_hz,
+                lasts_s: 0.0,
                 length_mm: way.norm(),
                 turn_rad: turn.angle() + nozzle_rad,
                 blend_mm: 0.0,
                 volume_mm3: poses[end][CHANNEL_VOLUME] - poses[before][CHANNEL_VOLUME],
                 speed_mm_s: way.norm() * self.servo_hz / (end - before) as f64,
                 corner_rad: 0.0,
+                output: None,
                 peak_mm_s: peak_mm_s.min(way.norm() / self.least_s(&at, &to)),
             });
             (before, at) = (end, to);
+        }
+        for (change, tick) in changes.iter().zip(ticks) {
+            let nearest = (0..ends.len()).min_by_key(|&index| ends[index].abs_diff(tick));
+            if let Some(index) = nearest {
+                blocks[index].output = Some(change.value);
+            }
         }
         self.blend(&mut blocks, start);
         pace(&mut blocks, self.acceleration_mm_s2);
@@ -294,7 +393,7 @@ impl Walker<'_> {
     }
 
     /// Ends of blocks by geometry, and between them where the speed changes.
-    fn ends(&self, poses: &[[f64; CHANNELS]], speeds: &[f64]) -> Vec<usize> {
+    fn ends(&self, poses: &[[f64; CHANNELS]], speeds: &[f64], changes: &[usize]) -> Vec<usize> {
         let tolerances = LineTolerances {
             tip_mm: self.tolerances.tip_mm,
             turn_rad: self.tolerances.turn_rad,
@@ -306,7 +405,8 @@ impl Walker<'_> {
         let least = (BLOCK_S * self.servo_hz) as usize;
         let mut ends = Vec::new();
         let mut before = 0;
-        let straight = move_ends(poses, &tolerances);
+        let near = (NEAR_S * self.servo_hz) as usize;
+        let straight = with_changes(move_ends(poses, &tolerances), changes, near);
         for end in kept(poses, straight, &tolerances) {
             let mut begun = speeds[before];
             for (tick, &now) in speeds.iter().enumerate().take(end).skip(before + 1) {
@@ -342,8 +442,13 @@ impl Walker<'_> {
             let radius_mm = ROOM * faster_mm_s * faster_mm_s / self.acceleration_mm_s2;
             let needed_mm = radius_mm * (0.5 * corner_rad).tan();
             let wanted_mm = needed_mm.max(LEAST_SHARE * shorter_mm);
-            blocks[number].corner_rad = corner_rad;
-            blocks[number].blend_mm = most_mm.min(wanted_mm).min(BLEND_SHARE * shorter_mm);
+            let block = &mut blocks[number];
+            block.corner_rad = corner_rad;
+            block.blend_mm = most_mm.min(wanted_mm).min(BLEND_SHARE * shorter_mm);
+            if block.output.is_some() {
+                // Some controllers set it at the beginning of the blend.
+                block.blend_mm = block.blend_mm.min(OUTPUT_S * faster_mm_s);
+            }
         }
     }
 

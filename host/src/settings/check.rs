@@ -355,6 +355,7 @@ impl Settings {
         self.check_heading_motor()?;
         self.check_switches()?;
         self.check_probe()?;
+        self.check_pump()?;
         self.check_wiring()
     }
 

@@ -88,6 +88,18 @@ choice! {
 }
 
 choice! {
+    /// What a pump's output can be.
+    #[derive(Default)]
+    PumpKind {
+        /// Its value is the flow.
+        #[default]
+        Analog = "analog",
+        /// On and off.
+        Digital = "digital",
+    }
+}
+
+choice! {
     /// Where a run of waypoints lies.
     #[derive(Default)]
     Place {
@@ -119,5 +131,6 @@ mod tests {
         check(Quality::NAMES);
         check(SeamPlace::NAMES);
         check(Place::NAMES);
+        check(PumpKind::NAMES);
     }
 }

@@ -173,6 +173,7 @@ impl Settings {
             wiring: Wiring::STANDARD,
             board: None,
             probe: None,
+            pump: None,
         }
     }
 }

@@ -7,9 +7,10 @@
 use super::heat::{Material, PAUSE_HEAT_MAX_MIN_MOST};
 use super::keys::{
     ApertureWords, Asked, AskedSwitch, Count, CountFromTwo, Degrees, Form, Known, KnownCount,
-    Milliradians, Named, Plain, Range, Required, Switch, keys,
+    Milliradians, Named, Plain, Range, Required, Switch, Words, keys,
 };
 use super::probe::ProbeSettings;
+use super::pump::{PumpKind, PumpOutput};
 use super::wide_beads::{LAYER_TIME_MAX_S, RATIO_RANGE};
 use super::{HeadingLaw, Infill, LAYERS_MAX, PassMode, Quality, SeamPlace, Settings};
 use crate::text::refusal::Refusal;
@@ -31,6 +32,8 @@ const HOTTEST_C: f64 = DECIDEGREES_MAX as f64 / 10.0;
 const TIP_SPEED: Range = Within(TIP_SPEED_RANGE_MM_S[0], TIP_SPEED_RANGE_MM_S[1]);
 const LAYER_COUNT: Range = Within(0.0, LAYERS_MAX as f64);
 const TURN: Range = Within(-360.0, 360.0);
+/// Ahead of the flow, s.
+const PUMP_LEAD: Range = Within(0.0, 30.0);
 const HEAT: Range = Within(0.0, HOTTEST_C);
 
 keys! {
@@ -167,5 +170,21 @@ keys! {
         lift_mm: Plain = lift_mm, Any;
         samples: Count = samples, Within(1.0, 50.0);
         tolerance_mm: Plain = tolerance_mm, Within(0.0005, 5.0);
+    }
+}
+
+keys! {
+    /// Output of a robot's or a gantry's controller that drives the pump, and by how much it comes before the flow.
+    PumpKeys of PumpOutput, "pump" {
+        /// Name of the signal, or number of the output.
+        output: Required<Words> = output, Any;
+        /// analog or digital.
+        kind: Named<PumpKind> = kind, Any;
+        mm3_s_per_unit: Known = mm3_s_per_unit, Above0(MELT_SPEED_RANGE);
+        lag_s: Plain = lag_s, PUMP_LEAD;
+        start_lead_s: Plain = start_lead_s, PUMP_LEAD;
+        stop_lead_s: Plain = stop_lead_s, PUMP_LEAD;
+        rate_min_mm3_s: Plain = rate_min_mm3_s, Within(0.0, MELT_SPEED_RANGE[1]);
+        rate_max_mm3_s: Known = rate_max_mm3_s, Above0(MELT_SPEED_RANGE);
     }
 }

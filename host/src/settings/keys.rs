@@ -96,6 +96,10 @@ form! {
     AskedSwitch: bool => bool, Ok, |value, _all| value.then(|| "true".to_string()), |_| None
 }
 form! {
+    /// A text.
+    Words: String => String, Ok, |value, _all| Some(quoted(value)), |_| None
+}
+form! {
     /// The nozzle's aperture in words.
     ApertureWords: String => Aperture, |given| {
         parse_aperture(&given).map_err(|refused| refusal!("print.aperture: {refused}"))

@@ -24,6 +24,7 @@ pub mod machine_file;
 pub mod obstacles;
 pub mod options;
 pub mod probe;
+pub mod pump;
 mod switches;
 pub(crate) mod units;
 pub mod wide_beads;
@@ -320,6 +321,8 @@ pub struct Settings {
     pub board: Option<BoardName>,
     /// The probe, if there is one.
     pub probe: Option<probe::ProbeSettings>,
+    /// The pump, where the machine's own controller drives it.
+    pub pump: Option<pump::PumpOutput>,
 }
 
 #[cfg(test)]

@@ -42,9 +42,24 @@ const STRAIGHT_ON_RAD: f64 = 1e-6;
 /// `share` of its greatest speed and at the motion's turning speed; where only the poses are known, the block is taken
 /// as a straight one at `share` of the limits.
 pub fn seconds(motions: &[Motion], limits: &BlockLimits) -> f64 {
+    motion_seconds(motions, limits).iter().sum()
+}
+
+/// The same, of each motion; a blend belongs to both of its blocks by halves.
+pub fn motion_seconds(motions: &[Motion], limits: &BlockLimits) -> Vec<f64> {
     let first = motions.first();
-    let mut total_s = first.and_then(|motion| motion.seconds).unwrap_or(0.0);
+    let mut all_s = vec![0.0; motions.len()];
+    if let Some(own_s) = all_s.first_mut() {
+        *own_s = first.and_then(|motion| motion.seconds).unwrap_or(0.0);
+    }
     let mut run: Vec<Block> = Vec::new();
+    let mut places: Vec<usize> = Vec::new();
+    let flush = |run: &mut Vec<Block>, places: &mut Vec<usize>, all_s: &mut [f64]| {
+        let times_s = run_seconds(&std::mem::take(run), limits);
+        for (place, own_s) in std::mem::take(places).into_iter().zip(times_s) {
+            all_s[place] = own_s;
+        }
+    };
     for (index, pair) in motions.windows(2).enumerate() {
         let next_way = motions.get(index + 2).map(|next| next.way);
         let least_s = pair[1].seconds.unwrap_or(0.0);
@@ -52,23 +67,25 @@ pub fn seconds(motions: &[Motion], limits: &BlockLimits) -> f64 {
         match Block::between(&pair[0], &pair[1], next_way, limits) {
             Some(block) if block.length_mm > 0.0 && pair[1].way != Way::Joints => {
                 if stops_before {
-                    total_s += run_seconds(&std::mem::take(&mut run), limits);
+                    flush(&mut run, &mut places, &mut all_s);
                 }
                 run.push(block);
+                places.push(index + 1);
             }
             // A pose that is there twice does not stop a motion that goes through it.
             Some(block) if block.is_nothing() && pair[1].blend_mm > 0.0 => {}
             other => {
-                total_s += run_seconds(&std::mem::take(&mut run), limits);
+                flush(&mut run, &mut places, &mut all_s);
                 let alone_s = match &other {
                     Some(block) => block.alone_seconds(limits),
                     None => joint_seconds(&pair[0], &pair[1], limits),
                 };
-                total_s += alone_s.max(least_s);
+                all_s[index + 1] = alone_s.max(least_s);
             }
         }
     }
-    total_s + run_seconds(&run, limits)
+    flush(&mut run, &mut places, &mut all_s);
+    all_s
 }
 
 struct Block {
@@ -119,7 +136,7 @@ impl Block {
 
     fn alone_seconds(&self, limits: &BlockLimits) -> f64 {
         if self.length_mm > 0.0 {
-            return run_seconds(std::slice::from_ref(self), limits);
+            return run_seconds(std::slice::from_ref(self), limits).iter().sum();
         }
         let turn_deg = Some(self.turn_deg)
             .filter(|&deg| deg >= TURN_MIN_DEG)
@@ -149,8 +166,8 @@ impl Block {
     }
 }
 
-/// Time of blocks that are gone through without a stop, s, from rest to rest.
-fn run_seconds(blocks: &[Block], limits: &BlockLimits) -> f64 {
+/// Times of blocks that are gone through without a stop, s, from rest to rest.
+fn run_seconds(blocks: &[Block], limits: &BlockLimits) -> Vec<f64> {
     let pairs = blocks.windows(2);
     let corners: Vec<_> = pairs
         .map(|pair| corner(&pair[0], &pair[1], limits))
@@ -176,7 +193,7 @@ fn run_seconds(blocks: &[Block], limits: &BlockLimits) -> f64 {
         let own_s = times_s[middle] + half_s(middle.checked_sub(1)) + half_s(Some(middle + 1));
         own_s.max(block.least_s)
     });
-    seconds.sum()
+    seconds.collect()
 }
 
 /// The blend at a pose: from the corner to where the arc begins, mm, and the arc of radius d / tan(angle / 2), on which

@@ -90,7 +90,10 @@ impl<'a> Run<'a> {
             self.steps.push(Step::Note { text });
         }
         let capitals = code.to_ascii_uppercase();
-        if capitals.starts_with("WHEN ") || capitals.starts_with("ID=") {
+        if capitals.starts_with("WHEN ")
+            || capitals.starts_with("ID=")
+            || capitals.starts_with("IDS=")
+        {
             if !capitals.contains(" DO ") {
                 return Err("a synchronised action without DO".to_owned());
             }

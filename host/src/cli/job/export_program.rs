@@ -64,6 +64,7 @@ pub(crate) fn run(
         stream: &job.stream,
         machine: &job.file.header.machine,
         tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2,
+        pump: settings.pump.as_ref(),
     };
     let written = write_program(&program, &options).map_err(|error| usage(error.to_string()))?;
     let folder = output.parent().unwrap_or(Path::new(""));

@@ -8,7 +8,7 @@ use headway_protocol::segment::FlowAction;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 
 /// Ticks of the events, with volume, mm³, and duration, s at ticks of 1.
-pub(super) fn event_ticks(stream: &SegmentStream) -> Vec<(u64, FlowAction, f64, f64)> {
+pub(crate) fn event_ticks(stream: &SegmentStream) -> Vec<(u64, FlowAction, f64, f64)> {
     let per_mm3 = stream.units.per_natural(CHANNEL_VOLUME);
     let starts: Vec<u64> = stream.spans().map(|span| span.start_tick).collect();
     let events = stream.events.iter();

@@ -9,12 +9,13 @@
 use super::aperture_text::from_semi_axes;
 use super::check::joint_names;
 use super::groups::{
-    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, SkirtKeys,
+    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, PumpKeys, SkirtKeys,
     TolerancesKeys,
 };
 use super::heat::Material;
 use super::kinds::Kinds;
 use super::probe::ProbeSettings;
+use super::pump::PumpOutput;
 use super::{Infill, Settings};
 use crate::text::refusal::{Refusal, refusal};
 use head::FileHead;
@@ -138,6 +139,7 @@ struct File {
     #[serde(default)]
     wiring: FileWiring,
     probe: Option<ProbeKeys>,
+    pump: Option<PumpKeys>,
 }
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -173,6 +175,7 @@ impl File {
             drivers: drivers::drivers(&self.drivers, &machine)?,
             heading_motor: drivers::heading_motor(&self.drivers, &machine)?,
             probe: self.probe()?,
+            pump: over(&self.pump, PumpKeys::set, PumpOutput::default())?,
             switches: self.switches(&machine)?,
             hold: self.joints.held(joint_names(&machine.kinematics)),
             wiring: self.wiring.wiring(&machine)?,

@@ -58,3 +58,36 @@ fn a_probe_that_cannot_be_is_refused() {
     ];
     assert_refused(ALL, &cases);
 }
+
+/// Goal: a pump's output is read and written back as it is, and what it cannot be is refused with its key. Method: a group with
+/// all keys, one of them wrong or left out.
+#[test]
+fn a_pump_reads_back_and_is_checked() {
+    let all = "[pump]\noutput = \"ao_pump\"\nkind = \"analog\"\nmm3_s_per_unit = 40\nlag_s = 0.3\nstart_lead_s = 0.4\n\
+               stop_lead_s = 0.25\nrate_min_mm3_s = 5\nrate_max_mm3_s = 400\n";
+    let settings = read(all).expect(all);
+    let pump = settings.pump.clone().expect("given");
+    assert_eq!((pump.output.as_str(), pump.start_lead_s), ("ao_pump", 0.4));
+    let text = to_toml(&settings);
+    assert!(text.contains(all), "{text}");
+    assert_eq!(from_toml(&text), Ok(settings));
+    assert_refused(
+        all,
+        &[
+            (
+                "mm3_s_per_unit = 40\n",
+                "",
+                "an analog output needs its scale",
+            ),
+            ("= 400", "= 4", "rate_max_mm3_s is not above"),
+            ("lag_s = 0.3", "lag_s = -1", "pump.lag_s"),
+            (
+                "mm3_s_per_unit = 40",
+                "mm3_s_per_unit = 0",
+                "pump.mm3_s_per_unit",
+            ),
+            ("\"analog\"", "\"pwm\"", "digital"),
+            ("output = \"ao_pump\"\n", "", "output"),
+        ],
+    );
+}

@@ -12,7 +12,7 @@ use super::switches::write_switches;
 use super::wiring::write_wiring;
 use crate::settings::check::{axes_joint_names, joint_names, kinematics_name};
 use crate::settings::groups::{
-    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, SkirtKeys,
+    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, PumpKeys, SkirtKeys,
     TolerancesKeys,
 };
 pub(super) use crate::settings::keys::{degrees, nice, number, quoted, triple};
@@ -77,6 +77,9 @@ fn written(settings: &Settings, with_layers: bool) -> String {
     }
     if let Some(probe) = &settings.probe {
         ProbeKeys::write(&mut text, probe, with_layers);
+    }
+    if let Some(pump) = &settings.pump {
+        PumpKeys::write(&mut text, pump, with_layers);
     }
     text
 }

@@ -50,9 +50,16 @@ pub fn is_predefined(name: &str) -> bool {
 pub fn zone_mm(expression: &Expression) -> Result<f64, String> {
     let zone_mm = match expression {
         Expression::Name(name) => predefined_zone_mm(name),
+        // finep, then the tip's path, and zones of orientation and axes, which are not read.
+        Expression::Aggregate(parts) if parts.len() == 7 => match (&parts[0], &parts[1]) {
+            (Expression::Name(fine), Expression::Number(zone_mm)) if fine == "FALSE" => {
+                Some(*zone_mm)
+            }
+            _ => None,
+        },
         _ => None,
     };
-    zone_mm.ok_or_else(|| format!("{expression:?} is no predefined zone"))
+    zone_mm.ok_or_else(|| format!("{expression:?} is no zone"))
 }
 
 /// A string; the path of the controller's drive is predefined.

@@ -1,7 +1,7 @@
 //! Motions, outputs and the other commands of URScript: calls to steps.
 //!
 //! In: a call and the names it can see. Out: the steps that it adds to the run. Source: movej, movel, movep,
-//! set_standard_analog_out, set_standard_digital_out, sleep and textmsg after "The URScript Programming Language",
+//! set_standard_analog_out, set_standard_digital_out and their states, sleep and textmsg after "The URScript Programming Language",
 //! Universal Robots, versions 3.2 (2016) and SW 5.x/10.x (HTML script manual); PolyScope manual, "Blend parameters":
 //! blends cannot overlap, and what follows a blended waypoint in the program runs when the robot enters the blend. Not
 //! covered: accelerations.
@@ -30,6 +30,8 @@ impl Run<'_> {
             "set_standard_analog_out" | "set_standard_digital_out" => {
                 self.output(call, line, scope)?
             }
+            "set_runstate_standard_analog_output_to_value"
+            | "set_runstate_standard_digital_output_to_value" => self.run_state(call, scope)?,
             "sleep" => {
                 let [time] = bind(call, ["t"], 1)?;
                 let seconds = self.number(time.ok_or("t")?, scope)?;
@@ -52,6 +54,24 @@ impl Run<'_> {
             }
             name => return Err(format!("the function {name} is not covered here")),
         }
+        Ok(())
+    }
+
+    /// What an output is while no program runs: of the states the one that is low then.
+    fn run_state(&mut self, call: &Call, scope: usize) -> Result<(), String> {
+        let kind = if call.name.contains("digital") {
+            "digital_out"
+        } else {
+            "analog_out"
+        };
+        let [number, state] = bind(call, ["outputId", "state"], 2)?;
+        let number = self.number(number.ok_or("outputId")?, scope)?;
+        let state = self.number(state.ok_or("state")?, scope)?;
+        if state != 1.0 {
+            return Err(format!("the state {state} is not covered here"));
+        }
+        let text = format!("{kind}[{number}] is low while no program runs");
+        self.steps.push(Step::Note { text });
         Ok(())
     }
 

@@ -6,6 +6,7 @@ mod clear_travel;
 mod lean;
 mod programs;
 mod published_arms;
+mod pump_outputs;
 mod reach;
 mod real_runs;
 mod rounded_corners;

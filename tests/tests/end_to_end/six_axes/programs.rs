@@ -12,6 +12,7 @@ use headway::settings::Settings;
 use headway::{Plan, plan_target};
 use headway_firmware::configuration::{Frame as ArmFrame, JOINTS_MAX, Kinematics};
 use headway_firmware::kinematics::pose::Pose;
+use headway_protocol::units::CHANNEL_VOLUME;
 use headway_tests::robot_programs::block_time::{BlockLimits, seconds};
 use headway_tests::robot_programs::joints::{ArmGeometry, Frame, joints_of};
 use headway_tests::robot_programs::krl::run_krl;
@@ -26,10 +27,12 @@ use std::f64::consts::PI;
 const TIP_MM: f64 = 0.008;
 /// From the nozzle's axis to its end, mm.
 const REACH_MM: f64 = 0.6;
-/// What is promised of the points' directions, degrees.
+/// What is promised of the points' places, mm,
+const POINT_MM: f64 = 0.2 * TIP_MM;
+/// and of their directions, degrees.
 const POINT_DEG: f64 = 0.05;
 
-fn options(language: Language) -> ProgramOptions {
+pub(super) fn options(language: Language) -> ProgramOptions {
     ProgramOptions {
         language,
         name: "part".to_string(),
@@ -41,7 +44,7 @@ fn options(language: Language) -> ProgramOptions {
     }
 }
 
-fn written(
+pub(super) fn written(
     plan: &Plan,
     settings: &Settings,
     options: &ProgramOptions,
@@ -50,13 +53,16 @@ fn written(
         stream: &plan.stream,
         machine: &settings.machine,
         tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2,
+        pump: settings.pump.as_ref(),
     };
     write_program(&job, options)
 }
 
 /// The steps of a program; of several, one after the other.
-fn run(program: &Program, language: Language) -> Vec<Step> {
-    let files: Vec<SourceFile> = (program.files.iter())
+pub(super) fn run(program: &Program, language: Language) -> Vec<Step> {
+    // The submit interpreter's program is no part of it.
+    let own = (program.files.iter()).filter(|file| !file.name.ends_with(".sub"));
+    let files: Vec<SourceFile> = own
         .map(|file| SourceFile {
             name: file.name.clone(),
             text: file.text.clone(),
@@ -87,7 +93,8 @@ fn run(program: &Program, language: Language) -> Vec<Step> {
 type Posed = (Vector3<f64>, Rotation3<f64>);
 
 /// A place of the job at a servo tick.
-struct Sample {
+pub(super) struct Sample {
+    pub(super) volume_mm3: f64,
     tip_mm: Vector3<f64>,
     tool: Rotation3<f64>,
     joints_deg: [f64; JOINTS_MAX],
@@ -97,7 +104,7 @@ fn has_nozzle(settings: &Settings) -> bool {
     matches!(&settings.machine.kinematics, Kinematics::Arm6 { arm, .. } if arm.nozzle)
 }
 
-fn samples(plan: &Plan, settings: &Settings) -> Vec<Sample> {
+pub(super) fn samples(plan: &Plan, settings: &Settings) -> Vec<Sample> {
     let has_nozzle = has_nozzle(settings);
     let of = |sample: JointSample| {
         let mut pose = Pose::from_channels(&sample.sample.position);
@@ -106,6 +113,7 @@ fn samples(plan: &Plan, settings: &Settings) -> Vec<Sample> {
             pose.heading_rad = 0.0;
         }
         Sample {
+            volume_mm3: sample.sample.position[CHANNEL_VOLUME],
             tip_mm: pose.tip_mm,
             tool: pose.rotation() * Rotation3::from_axis_angle(&Vector3::x_axis(), PI),
             joints_deg: std::array::from_fn(|joint| sample.position[joint].to_degrees()),
@@ -232,6 +240,35 @@ fn geometry(settings: &Settings) -> (ArmGeometry, [[f64; 2]; 6]) {
     (geometry, ranges)
 }
 
+/// The motions with blends as distances, and of each that leads to a pose the tick at which the job is there.
+pub(super) fn ends_and_ticks(
+    job: &[Sample],
+    steps: &[Step],
+    language: Language,
+) -> (Vec<Motion>, Vec<usize>) {
+    let motions: Vec<Motion> = (steps.iter())
+        .filter_map(|step| match step {
+            Step::Move(motion) => Some(motion.clone()),
+            _ => None,
+        })
+        .collect();
+    let posed: Vec<(&Motion, Posed)> = (motions.iter())
+        .filter_map(|motion| Some((motion, end_of(motion, language)?)))
+        .collect();
+    let start = (job[0].tip_mm, job[0].tool);
+    let ends: Vec<_> = std::iter::once(start)
+        .chain(posed.iter().map(|of| of.1))
+        .collect();
+    let ticks = check_path(&ends, job, language.name());
+    let timed = match language {
+        Language::Sinumerik => with_contour_tolerance(&posed),
+        _ => motions.clone(),
+    };
+    let ticks = ends.iter().zip(ticks).skip(1);
+    let ticks = ticks.map(|(end, tick)| at_tick(end, tick, job, language.name()));
+    (timed, ticks.collect())
+}
+
 /// Holds a program against its job.
 fn check(plan: &Plan, settings: &Settings, options: &ProgramOptions) {
     let language = options.language;
@@ -327,7 +364,12 @@ fn with_contour_tolerance(posed: &[(&Motion, Posed)]) -> Vec<Motion> {
 
 /// The tick near another at which the job is at a point.
 fn at_tick(end: &Posed, near: usize, job: &[Sample], what: &str) -> usize {
-    let away_at = |tick: usize| away(*end, (job[tick].tip_mm, job[tick].tool)).norm();
+    // By what is promised of both: while a tip hardly moves, a nozzle may turn through many ticks.
+    let away_at = |tick: usize| {
+        let turn_deg = between(&end.1, &job[tick].tool).angle().to_degrees();
+        let away_mm = (end.0 - job[tick].tip_mm).norm();
+        (away_mm / POINT_MM).max(turn_deg / POINT_DEG)
+    };
     let around = near.saturating_sub(400)..(near + 400).min(job.len());
     let nearest = around
         .min_by(|a, b| away_at(*a).total_cmp(&away_at(*b)))
@@ -335,7 +377,7 @@ fn at_tick(end: &Posed, near: usize, job: &[Sample], what: &str) -> usize {
     let place = &job[nearest];
     let turn_deg = between(&end.1, &place.tool).angle().to_degrees();
     let away_mm = (end.0 - place.tip_mm).norm();
-    assert!(away_mm < 0.2 * TIP_MM, "{what}: {end:?}: {away_mm} mm");
+    assert!(away_mm < POINT_MM, "{what}: {end:?}: {away_mm} mm");
     assert!(turn_deg < POINT_DEG, "{what}: {end:?}: {turn_deg} degrees");
     nearest
 }
