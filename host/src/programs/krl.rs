@@ -47,32 +47,7 @@ pub(super) fn program(
     walk: &Walk,
     procedures: Vec<Procedure>,
 ) -> Result<Program, ProgramError> {
-    let krl = Krl {
-        arm: arm_of(job.machine, Language::Krl)?,
-        digits: digits(options),
-        layers: walk.layers,
-        acceleration_m_s2: 1e-3 * job.tip_acceleration_mm_s2,
-        tool: checked_number(
-            &options.tool,
-            1,
-            "--tool",
-            1..=16,
-            "the number of TOOL_DATA, 1 to 16",
-        )?,
-        base: checked_number(
-            &options.work_object,
-            1,
-            "--work-object",
-            1..=32,
-            "the number of BASE_DATA, 1 to 32",
-        )?,
-        pump: output_number(
-            job,
-            [1..=32, 1..=4096],
-            (walk.output_max, 1.0),
-            "the number of $ANOUT, 1 to 32, or of $OUT, 1 to 4096",
-        )?,
-    };
+    let krl = Krl::of(job, options, walk)?;
     let name = program_name(options)?;
     let (parts, stops) = in_files(procedures, options, |of| krl.procedure(of));
     let count = parts.len();
@@ -108,18 +83,9 @@ pub(super) fn program(
     )];
     notes.extend(stops_note(stops));
     if krl.pump.is_some() {
-        let module = format!("{name}_stop");
-        notes.push(format!(
-            "call {module}( ) in the loop of SPS.SUB: without it the pump runs on where the robot stops"
-        ));
-        let text = format!(
-            "&ACCESS RVO\nDEF {module}( )\n; {WRITTEN_BY}\nIF $STOPMESS OR ($PRO_STATE1<>#P_ACTIVE) THEN\n{}ENDIF\nEND\n",
-            krl.set(0.0)
-        );
-        files.push(ProgramFile {
-            name: format!("{module}.sub"),
-            text,
-        });
+        let (file, note) = krl.stop(name);
+        files.push(file);
+        notes.push(note);
     }
     if count > 1 {
         notes.push(format!(
@@ -134,6 +100,53 @@ pub(super) fn program(
 }
 
 impl Krl<'_> {
+    fn of<'a>(
+        job: &ProgramJob<'a>,
+        options: &ProgramOptions,
+        walk: &Walk,
+    ) -> Result<Krl<'a>, ProgramError> {
+        Ok(Krl {
+            arm: arm_of(job.machine, Language::Krl)?,
+            digits: digits(options),
+            layers: walk.layers,
+            acceleration_m_s2: 1e-3 * job.tip_acceleration_mm_s2,
+            tool: checked_number(
+                &options.tool,
+                1,
+                "--tool",
+                1..=16,
+                "the number of TOOL_DATA, 1 to 16",
+            )?,
+            base: checked_number(
+                &options.work_object,
+                1,
+                "--work-object",
+                1..=32,
+                "the number of BASE_DATA, 1 to 32",
+            )?,
+            pump: output_number(
+                job,
+                [1..=32, 1..=4096],
+                (walk.output_max, 1.0),
+                "the number of $ANOUT, 1 to 32, or of $OUT, 1 to 4096",
+            )?,
+        })
+    }
+
+    /// What the submit interpreter calls, and how it comes to that.
+    fn stop(&self, name: &str) -> (ProgramFile, String) {
+        let module = format!("{name}_stop");
+        let note = format!(
+            "call {module}( ) in the loop of SPS.SUB: without it the pump runs on where the robot stops"
+        );
+        let text = format!(
+            "&ACCESS RVO\nDEF {module}( )\n; {WRITTEN_BY}\nIF $STOPMESS OR ($PRO_STATE1<>#P_ACTIVE) THEN\n{}ENDIF\nEND\n",
+            self.set(0.0)
+        );
+        let name = format!("{module}.sub");
+        (ProgramFile { name, text }, note)
+    }
+
     fn head(&self, module: &str, start: &Place, [number, count]: [usize; 2]) -> String {
         let angles = (1..).zip(&start.joints[..AXES]);
         let mut axes: Vec<String> = angles

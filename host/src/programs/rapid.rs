@@ -65,18 +65,7 @@ pub(super) fn program(
     };
     let (parts, stops) = in_files(procedures, options, |of| rapid.procedure(of));
     let is_one = parts.len() == 1;
-    let mut main = rapid.head(tool, frame, options);
-    if rapid.pump.is_some() {
-        main += &format!("  VAR triggdata {name}_change;\n");
-    }
-    main += &format!("  PROC {name}_main()\n    ConfL\\On;\n    SingArea\\Off;\n");
-    main += &rapid.set(0.0);
-    main += &format!(
-        "    MoveAbsJ [[{}],[{}]],{START_SPEEDS},fine,{};\n",
-        rapid.angles(&walk.start),
-        rapid.external(&walk.start),
-        rapid.frames
-    );
+    let mut main = rapid.head([tool, frame], options) + &rapid.begin(&walk.start);
     let mut files = Vec::new();
     let mut behind = String::new();
     for (number, part) in (1..).zip(&parts) {
@@ -103,32 +92,17 @@ pub(super) fn program(
         }
     }
     main += &format!("{}  ENDPROC\n{behind}ENDMODULE\n", rapid.set(0.0));
-    files.insert(
-        0,
-        ProgramFile {
-            name: format!("{}.{}", options.name, Language::Rapid.ending()),
-            text: main,
-        },
-    );
+    let name = format!("{}.{}", options.name, Language::Rapid.ending());
+    files.insert(0, ProgramFile { name, text: main });
     let mut notes = vec![format!(
         "tool {tool} and work object {frame} are those of the controller: z out of the nozzle and x along its long side; the \
          machine file's coordinates"
     )];
     notes.extend(stops_note(stops));
     if rapid.pump.is_some() {
-        let module = format!("{name}_pump");
-        notes.push(format!(
-            "load {module}.mod beside the program and make {module}_off the event routine of STOP, QSTOP and RESET: without it \
-             the pump runs on where the robot stops"
-        ));
-        let text = format!(
-            "MODULE {module}\n  ! {WRITTEN_BY}\n  PROC {module}_off()\n{}  ENDPROC\nENDMODULE\n",
-            rapid.set(0.0)
-        );
-        files.push(ProgramFile {
-            name: format!("{module}.mod"),
-            text,
-        });
+        let (file, note) = rapid.stop();
+        files.push(file);
+        notes.push(note);
     }
     if !is_one {
         notes.push("the further files go into HOME: of the controller".to_string());
@@ -141,7 +115,38 @@ pub(super) fn program(
 }
 
 impl Rapid<'_> {
-    fn head(&self, tool: &str, frame: &str, options: &ProgramOptions) -> String {
+    /// What the main procedure does before its layers.
+    fn begin(&self, start: &Place) -> String {
+        let name = self.name;
+        let trigger = match self.pump {
+            Some(_) => format!("  VAR triggdata {name}_change;\n"),
+            None => String::new(),
+        };
+        format!(
+            "{trigger}  PROC {name}_main()\n    ConfL\\On;\n    SingArea\\Off;\n{}    MoveAbsJ [[{}],[{}]],{START_SPEEDS},fine,{};\n",
+            self.set(0.0),
+            self.angles(start),
+            self.external(start),
+            self.frames
+        )
+    }
+
+    /// The module with the event routine, and how the controller comes to it.
+    fn stop(&self) -> (ProgramFile, String) {
+        let module = format!("{}_pump", self.name);
+        let note = format!(
+            "load {module}.mod beside the program and make {module}_off the event routine of STOP, QSTOP and RESET: without it \
+             the pump runs on where the robot stops"
+        );
+        let text = format!(
+            "MODULE {module}\n  ! {WRITTEN_BY}\n  PROC {module}_off()\n{}  ENDPROC\nENDMODULE\n",
+            self.set(0.0)
+        );
+        let name = format!("{module}.mod");
+        (ProgramFile { name, text }, note)
+    }
+
+    fn head(&self, [tool, frame]: [&str; 2], options: &ProgramOptions) -> String {
         let [x, y, z] = self.arm.base.origin_mm.map(|mm| short(mm, 3));
         format!(
             "MODULE {}\n  ! {WRITTEN_BY}: {} layers, within {} mm of the job\n  ! tool {tool}: z out of the nozzle, x along its long \

@@ -1,8 +1,9 @@
 //! Sinumerik G-code of a gantry with a heading axis: X Y Z and C, counted over turns.
 //!
 //! In: procedures. Out: `name.mpf` with subprograms for the layers, called by EXTCALL where it is too large. Source: Siemens,
-//! SINUMERIK 840D sl Programming Manual Fundamentals and Job planning: FGROUP, G642 with CTOL and OTOL, G9, G4, SOFT; Synchronized
-//! actions: IDS, WHENEVER, WHEN. A pump is off wherever the path stands, by a static action, and is set as soon as it moves.
+//! SINUMERIK 840D sl Programming Manual Fundamentals and Job planning: FGROUP, G642 with CTOL and OTOL, G9, G4, SOFT;
+//! Synchronized actions: IDS, WHENEVER, WHEN. A pump is off wherever the path stands, by a static action, and is set as soon as
+//! it moves.
 
 use super::procedures::Procedure;
 use super::text::{WRITTEN_BY, checked_number, digits, program_name, rounded_down, short};
@@ -25,6 +26,8 @@ const FEED_DIGITS: i32 = 4;
 const START_MM_MIN: u32 = 1000;
 
 struct Sinumerik {
+    /// Number of the frame: 54 for G54.
+    frame: u32,
     digits: usize,
     layers: u32,
     pump: Option<OutputNumber>,
@@ -48,42 +51,14 @@ pub(super) fn program(
     walk: &Walk,
     procedures: Vec<Procedure>,
 ) -> Result<Program, ProgramError> {
-    if job.machine.kinematics != Kinematics::Planar || is_tilting(job.stream) {
-        return Err(ProgramError::Machine {
-            language: Language::Sinumerik.name(),
-            needs: "gantries that stay upright, with X, Y, Z and C (kinematics = \"planar\")",
-        });
-    }
-    if let Some(tool) = &options.tool {
-        return Err(ProgramError::Name {
-            option: "--tool",
-            given: tool.clone(),
-            rule: "the tool of a Sinumerik is the one that is active",
-        });
-    }
-    let frame = checked_number(
-        &options.work_object,
-        54,
-        "--work-object",
-        54..=57,
-        "the number of the frame, 54 to 57 (G54 to G57)",
-    )?;
-    let nc = Sinumerik {
-        digits: digits(options),
-        layers: walk.layers,
-        pump: output_number(
-            job,
-            [1..=8, 1..=40],
-            (walk.output_max, f64::INFINITY),
-            "the number of $A_OUTA, 1 to 8, or of $A_OUT, 1 to 40",
-        )?,
-    };
+    let nc = Sinumerik::of(job, options, walk)?;
     let name = program_name(options)?;
     let (parts, stops) = in_files(procedures, options, |of| nc.procedure(of));
     let is_one = parts.len() == 1;
     let mut main = format!(
-        "; {WRITTEN_BY}: {} layers\nG90 G71 G94 G{frame} D0\nFGROUP(X,Y,Z)\nG642 CTOL={} OTOL={HEADING_DEG}\nSOFT\n{}",
+        "; {WRITTEN_BY}: {} layers\nG90 G71 G94 G{} D0\nFGROUP(X,Y,Z)\nG642 CTOL={} OTOL={HEADING_DEG}\nSOFT\n{}",
         walk.layers,
+        nc.frame,
         short(CONTOUR_SHARE * options.tolerance_mm, 4),
         nc.off_at_rest() + &nc.approach(&walk.start)
     );
@@ -110,7 +85,8 @@ pub(super) fn program(
         },
     );
     let mut notes = vec![format!(
-        "G{frame} is the machine file's coordinates, C = 0 is the nozzle's long side along X; C counts turns and is no modulo axis"
+        "G{} is the machine file's coordinates, C = 0 is the nozzle's long side along X; C counts turns and is no modulo axis",
+        nc.frame
     )];
     notes.extend(stops_note(stops));
     let pumps_at_rest = |run: &Run| {
@@ -133,6 +109,43 @@ pub(super) fn program(
 }
 
 impl Sinumerik {
+    fn of(
+        job: &ProgramJob,
+        options: &ProgramOptions,
+        walk: &Walk,
+    ) -> Result<Sinumerik, ProgramError> {
+        if job.machine.kinematics != Kinematics::Planar || is_tilting(job.stream) {
+            return Err(ProgramError::Machine {
+                language: Language::Sinumerik.name(),
+                needs: "gantries that stay upright, with X, Y, Z and C (kinematics = \"planar\")",
+            });
+        }
+        if let Some(tool) = &options.tool {
+            return Err(ProgramError::Name {
+                option: "--tool",
+                given: tool.clone(),
+                rule: "the tool of a Sinumerik is the one that is active",
+            });
+        }
+        Ok(Sinumerik {
+            frame: checked_number(
+                &options.work_object,
+                54,
+                "--work-object",
+                54..=57,
+                "the number of the frame, 54 to 57 (G54 to G57)",
+            )?,
+            digits: digits(options),
+            layers: walk.layers,
+            pump: output_number(
+                job,
+                [1..=8, 1..=40],
+                (walk.output_max, f64::INFINITY),
+                "the number of $A_OUTA, 1 to 8, or of $A_OUT, 1 to 40",
+            )?,
+        })
+    }
+
     fn words(&self, of: &Place) -> [String; 4] {
         let [x, y, z] = of.tip_mm.map(|mm| short(mm, self.digits));
         let c = short(of.heading_rad.to_degrees(), HEADING_DIGITS);

@@ -2,7 +2,8 @@
 //!
 //! In: procedures. Out: `name.script`, and `name_2.script` and so on, which are run one after the other. Source: Universal
 //! Robots, The URScript Programming Language: movep and movel with a (m/s²), v (m/s) or t (s), r (m), pose_trans. Blocks that
-//! only turn are told their time. set_standard_analog_out, set_standard_digital_out and what they are while no program runs. A UR's own joints are no `arm6`: their ranges and speeds are the controller's to keep.
+//! only turn are told their time. Outputs by set_standard_analog_out, set_standard_digital_out, and what they are while no
+//! program runs. A UR's own joints are no `arm6`: their ranges and speeds are the controller's to keep.
 
 use super::procedures::{Procedure, end_of};
 use super::text::{WRITTEN_BY, checked_name, digits, program_name, rounded_down, short};
@@ -16,6 +17,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// Digits of rotation vectors, rad: 0.005°.
 const ROTATION_DIGITS: usize = 4;
+
+/// The work object where none is named.
+const OWN_FRAME: &str = "hw_bed";
 
 struct UrScript {
     frame: String,
@@ -32,37 +36,7 @@ pub(super) fn program(
     walk: &Walk,
     procedures: Vec<Procedure>,
 ) -> Result<Program, ProgramError> {
-    let kinematics = &job.machine.kinematics;
-    let is_arm = matches!(kinematics, Kinematics::Arm6 { .. });
-    let has_nozzle = joint_channels(kinematics).contains(&Some(CHANNEL_HEADING));
-    if is_arm && has_nozzle {
-        return Err(ProgramError::Machine {
-            language: Language::UrScript.name(),
-            needs: "arms that turn the nozzle by their wrist (without [joints.h]): a UR has no external axis",
-        });
-    }
-    let rule = "a feature of the installation: letters, digits and underscores, at most 32";
-    if let Some(tool) = &options.tool {
-        return Err(ProgramError::Name {
-            option: "--tool",
-            given: tool.clone(),
-            rule: "a UR's tool is the TCP that is active in the installation",
-        });
-    }
-    let own = "hw_bed";
-    let ur = UrScript {
-        frame: checked_name(options.work_object.as_ref(), own, "--work-object", 32, rule)?
-            .to_string(),
-        digits: digits(options) + 3,
-        layers: walk.layers,
-        acceleration_m_s2: short(1e-3 * job.tip_acceleration_mm_s2, 3),
-        pump: output_number(
-            job,
-            [0..=1, 0..=7],
-            (walk.output_max, 1.0),
-            "the number of a standard output: 0 or 1 of the analog ones, 0 to 7 of the digital ones",
-        )?,
-    };
+    let ur = UrScript::of(job, options, walk)?;
     let name = program_name(options)?;
     let (parts, stops) = in_files(procedures, options, |of| ur.procedure(of));
     let count = parts.len();
@@ -79,7 +53,7 @@ pub(super) fn program(
             walk.layers
         );
         if options.work_object.is_none() {
-            text += &format!("  global {own} = {}\n", bed(kinematics));
+            text += &format!("  global {OWN_FRAME} = {}\n", bed(&job.machine.kinematics));
         }
         text += &ur.blended();
         text.extend(part.iter().map(|(_, text)| text.as_str()));
@@ -136,6 +110,49 @@ fn numbers(tip_mm: [f64; 3], rotation: &Rotation3<f64>, digits: usize) -> String
 }
 
 impl UrScript {
+    fn of(
+        job: &ProgramJob,
+        options: &ProgramOptions,
+        walk: &Walk,
+    ) -> Result<UrScript, ProgramError> {
+        let kinematics = &job.machine.kinematics;
+        let is_arm = matches!(kinematics, Kinematics::Arm6 { .. });
+        let has_nozzle = joint_channels(kinematics).contains(&Some(CHANNEL_HEADING));
+        if is_arm && has_nozzle {
+            return Err(ProgramError::Machine {
+                language: Language::UrScript.name(),
+                needs: "arms that turn the nozzle by their wrist (without [joints.h]): a UR has no external axis",
+            });
+        }
+        let rule = "a feature of the installation: letters, digits and underscores, at most 32";
+        if let Some(tool) = &options.tool {
+            return Err(ProgramError::Name {
+                option: "--tool",
+                given: tool.clone(),
+                rule: "a UR's tool is the TCP that is active in the installation",
+            });
+        }
+        Ok(UrScript {
+            frame: checked_name(
+                options.work_object.as_ref(),
+                OWN_FRAME,
+                "--work-object",
+                32,
+                rule,
+            )?
+            .to_string(),
+            digits: digits(options) + 3,
+            layers: walk.layers,
+            acceleration_m_s2: short(1e-3 * job.tip_acceleration_mm_s2, 3),
+            pump: output_number(
+                job,
+                [0..=1, 0..=7],
+                (walk.output_max, 1.0),
+                "the number of a standard output: 0 or 1 of the analog ones, 0 to 7 of the digital ones",
+            )?,
+        })
+    }
+
     fn pose(&self, of: &Place) -> String {
         format!(
             "pose_trans({},{})",

@@ -1,8 +1,8 @@
 //! Motions, outputs and the other commands of URScript: calls to steps.
 //!
 //! In: a call and the names it can see. Out: the steps that it adds to the run. Source: movej, movel, movep,
-//! set_standard_analog_out, set_standard_digital_out and their states, sleep and textmsg after "The URScript Programming Language",
-//! Universal Robots, versions 3.2 (2016) and SW 5.x/10.x (HTML script manual); PolyScope manual, "Blend parameters":
+//! set_standard_analog_out, set_standard_digital_out and their states, sleep and textmsg after "The URScript Programming
+//! Language", Universal Robots, versions 3.2 (2016) and SW 5.x/10.x (HTML script manual); PolyScope manual, "Blend parameters":
 //! blends cannot overlap, and what follows a blended waypoint in the program runs when the robot enters the blend. Not
 //! covered: accelerations.
 
