@@ -103,7 +103,7 @@ pub struct Reach {
 /// Why there is no answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpaceError {
-    /// A number of cells along an axis is zero or above [`grid::SIDE_MAX`], or the voxel is no size.
+    /// A number of cells along an axis is zero or above the 1,024 that fit, or the voxel is no size.
     Size,
     /// The part has no cell.
     Empty,
