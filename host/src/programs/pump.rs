@@ -56,47 +56,17 @@ impl OutputChanges {
         pump: &PumpOutput,
         clock: &[[f64; 2]],
     ) -> OutputChanges {
-        let levels = levels(stream, servo_hz, pump);
-        let mut changes = OutputChanges::default();
-        let mut missed = [0, 0];
-        let mut late_s = 0.0;
-        let mut before_mm3_s = 0.0;
-        for level in &levels {
-            let ahead_s = match (before_mm3_s > 0.0, level.rate_mm3_s > 0.0) {
-                (false, _) => pump.start_lead_s,
-                (true, false) => pump.stop_lead_s,
-                (true, true) => pump.lag_s,
-            };
-            before_mm3_s = level.rate_mm3_s;
-            // Ahead by the program's time, at the job's place.
-            let due_s = at(clock, level.from as f64 / servo_hz, [0, 1]) - ahead_s;
-            if level.rate_mm3_s > 0.0 {
-                late_s = f64::max(late_s, -due_s);
-            }
-            let tick = ((at(clock, due_s, [1, 0]) * servo_hz).round() as u64).max(1);
-            // The later one counts: a pump that is to start again before it would have stopped does not stop.
-            while let Some(last) = changes.list.last().filter(|last| last.tick >= tick) {
-                missed[usize::from(last.value > 0.0)] += 1;
-                changes.list.pop();
-            }
-            let value = value(level.rate_mm3_s, pump);
-            if value != changes.list.last().map_or(0.0, |last| last.value) {
-                changes.list.push(OutputChange { tick, value });
-            }
-        }
-        changes.notes = notes(&changes.list, servo_hz, missed, late_s);
-        if event_ticks(stream)
-            .iter()
-            .any(|event| event.1 == FlowAction::Retract)
-        {
+        let events = event_ticks(stream);
+        let levels = levels(stream, &events, servo_hz, pump);
+        let mut changes = ahead(&levels, servo_hz, pump, clock);
+        if events.iter().any(|event| event.1 == FlowAction::Retract) {
             changes.notes.push(
                 "the job's retracts are left out, since a pump does not run backwards: set flow.retract_mm3 to 0"
                     .to_string(),
             );
         }
-        changes
-            .notes
-            .extend(clamped(&levels, stream, servo_hz, pump));
+        let clamped = clamped(&levels, stream.layers(), servo_hz, pump);
+        changes.notes.extend(clamped);
         changes
     }
 
@@ -106,6 +76,40 @@ impl OutputChanges {
         let end = self.list.partition_point(|change| change.tick <= to);
         &self.list[first..end]
     }
+}
+
+/// The changes that make the levels, each so early as the pump needs.
+fn ahead(levels: &[Level], servo_hz: f64, pump: &PumpOutput, clock: &[[f64; 2]]) -> OutputChanges {
+    let mut list: Vec<OutputChange> = Vec::new();
+    let mut missed = [0, 0];
+    let mut late_s = 0.0;
+    let mut before_mm3_s = 0.0;
+    for level in levels {
+        let ahead_s = match (before_mm3_s > 0.0, level.rate_mm3_s > 0.0) {
+            // It stays off.
+            (false, false) => continue,
+            (false, true) => pump.start_lead_s,
+            (true, false) => pump.stop_lead_s,
+            (true, true) => pump.lag_s,
+        };
+        before_mm3_s = level.rate_mm3_s;
+        // Ahead by the program's time, at the job's place.
+        let due_s = at(clock, level.from as f64 / servo_hz, [0, 1]) - ahead_s;
+        if level.rate_mm3_s > 0.0 {
+            late_s = f64::max(late_s, -due_s);
+        }
+        let tick = ((at(clock, due_s, [1, 0]) * servo_hz).round() as u64).max(1);
+        // The later one counts: a pump that is to start again before it would have stopped does not stop.
+        while let Some(last) = list.pop_if(|last| last.tick >= tick) {
+            missed[usize::from(last.value > 0.0)] += 1;
+        }
+        let value = value(level.rate_mm3_s, pump);
+        if value != list.last().map_or(0.0, |last| last.value) {
+            list.push(OutputChange { tick, value });
+        }
+    }
+    let notes = notes(&list, servo_hz, missed, late_s);
+    OutputChanges { list, notes }
 }
 
 /// Between the rows of a table that rises, from one of its columns to the other.
@@ -130,19 +134,23 @@ fn value(rate_mm3_s: f64, pump: &PumpOutput) -> f64 {
     }
 }
 
+/// A prime or a retract of [`event_ticks`].
+type FlowEvent = (u64, FlowAction, f64, f64);
+
 /// Flow from tick to tick.
 struct Flow<'a> {
     poses: Poses<'a>,
-    /// Volume in front, mm³, and ticks of the primes, by their beginning.
+    /// Volume in front, mm³.
+    before_mm3: f64,
+    /// First and last tick and rate of the primes, the last one first.
     primes: Vec<(u64, u64, f64)>,
     servo_hz: f64,
-    before_mm3: f64,
 }
 
 impl<'a> Flow<'a> {
-    fn new(stream: &'a SegmentStream, servo_hz: f64) -> Flow<'a> {
-        let primes = event_ticks(stream).into_iter().filter_map(|event| {
-            let (tick, action, volume_mm3, ticks) = event;
+    fn new(stream: &'a SegmentStream, events: &[FlowEvent], servo_hz: f64) -> Flow<'a> {
+        let primes = events.iter().rev().filter_map(|event| {
+            let &(tick, action, volume_mm3, ticks) = event;
             let rate_mm3_s = volume_mm3 * servo_hz / ticks.max(1.0);
             (action == FlowAction::Prime).then_some((tick, tick + ticks as u64, rate_mm3_s))
         });
@@ -150,7 +158,7 @@ impl<'a> Flow<'a> {
         Flow {
             before_mm3: poses.at(0)[CHANNEL_VOLUME],
             poses,
-            primes: primes.collect::<Vec<_>>().into_iter().rev().collect(),
+            primes: primes.collect(),
             servo_hz,
         }
     }
@@ -169,9 +177,14 @@ impl<'a> Flow<'a> {
 }
 
 /// The stretches of even flow, off and on.
-fn levels(stream: &SegmentStream, servo_hz: f64, pump: &PumpOutput) -> Vec<Level> {
+fn levels(
+    stream: &SegmentStream,
+    events: &[FlowEvent],
+    servo_hz: f64,
+    pump: &PumpOutput,
+) -> Vec<Level> {
     let ticks = stream.marks.last().map_or(0, |mark| mark.end_tick);
-    let mut flow = Flow::new(stream, servo_hz);
+    let mut flow = Flow::new(stream, events, servo_hz);
     let most_mm3_s = (1..=ticks).map(|tick| flow.until(tick)).fold(0.0, f64::max);
     let band_mm3_s = match pump.kind {
         PumpKind::Analog => BAND_SHARE * most_mm3_s,
@@ -179,7 +192,7 @@ fn levels(stream: &SegmentStream, servo_hz: f64, pump: &PumpOutput) -> Vec<Level
     };
     let off_mm3_s = (0.5 * pump.rate_min_mm3_s).clamp(OFF_SHARE * most_mm3_s, 0.5 * most_mm3_s);
     let least = (LEAST_S.max(LEAST_SHARE * pump.lag_s) * servo_hz).ceil() as u64;
-    let mut flow = Flow::new(stream, servo_hz);
+    let mut flow = Flow::new(stream, events, servo_hz);
     let mut levels: Vec<Level> = Vec::new();
     let mut open: Option<Stretch> = None;
     for tick in 1..=ticks {
@@ -283,12 +296,7 @@ fn notes(list: &[OutputChange], servo_hz: f64, missed: [u32; 2], late_s: f64) ->
 }
 
 /// What the pump's range keeps from being right.
-fn clamped(
-    levels: &[Level],
-    stream: &SegmentStream,
-    servo_hz: f64,
-    pump: &PumpOutput,
-) -> Option<String> {
+fn clamped(levels: &[Level], layers: u32, servo_hz: f64, pump: &PumpOutput) -> Option<String> {
     let (PumpKind::Analog, Some(per_unit)) = (pump.kind, pump.mm3_s_per_unit) else {
         return None;
     };
@@ -300,7 +308,6 @@ fn clamped(
         off_mm3 += (pumped_mm3_s - pair[0].rate_mm3_s).abs() * seconds;
     }
     let share = off_mm3 / f64::max(asked_mm3, 1e-9);
-    let layers = stream.layers();
     (share > 1e-3).then(|| {
         format!(
             "{} % of the volume of {layers} layers is pumped at the least or the greatest rate in place of its own: change the \
@@ -308,4 +315,44 @@ fn clamped(
             Short(100.0 * share)
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HZ: f64 = 2000.0;
+
+    fn changes(levels: &[(u64, f64)]) -> Vec<(u64, f64)> {
+        let pump = PumpOutput {
+            mm3_s_per_unit: Some(10.0),
+            lag_s: 0.1,
+            start_lead_s: 0.4,
+            stop_lead_s: 0.05,
+            ..PumpOutput::default()
+        };
+        let level = |&(from, rate_mm3_s): &(u64, f64)| Level { from, rate_mm3_s };
+        let levels: Vec<Level> = levels.iter().map(level).collect();
+        // A program that takes as long as the job.
+        let made = ahead(&levels, HZ, &pump, &[[0.0, 0.0], [10.0, 10.0]]);
+        let pairs = made.list.iter().map(|change| (change.tick, change.value));
+        pairs.collect()
+    }
+
+    /// Goal: each change is ahead by what is asked of it, a job's end leaves the last stop where it is, and a pump that would
+    /// start before it stopped runs on. Method: leads of 800, 200 and 100 ticks by hand; a job that ends 100 ticks after its
+    /// last bead; a gap of 300 ticks, shorter than a start's lead.
+    #[test]
+    fn changes_are_ahead_of_the_flow() {
+        let one = [(0, 0.0), (2000, 20.0), (3000, 30.0), (4000, 0.0)];
+        let due = [(1200, 2.0), (2800, 3.0), (3900, 0.0)];
+        assert_eq!(changes(&one), due);
+        let ended = [&one[..], &[(4100, 0.0)]].concat();
+        assert_eq!(changes(&ended), due);
+        let again = [&one[..], &[(4300, 40.0), (6000, 0.0)]].concat();
+        assert_eq!(
+            changes(&again),
+            [(1200, 2.0), (2800, 3.0), (3500, 4.0), (5900, 0.0)]
+        );
+    }
 }

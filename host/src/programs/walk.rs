@@ -201,25 +201,18 @@ impl Walk {
 
     /// Times of the job at which the controller is at the ends of blocks, and its own, s.
     pub fn clock(&self) -> Vec<[f64; 2]> {
-        let rests =
-            |run: &Run| -> Vec<[f64; 2]> { run.rests.iter().map(|rest| [rest.0; 2]).collect() };
-        let blocks = |run: &Run| -> Vec<[f64; 2]> {
-            let times = run
-                .blocks
-                .iter()
-                .map(|block| [block.seconds, block.lasts_s]);
-            times.collect()
-        };
         let mut now = [0.0; 2];
-        let steps = self
-            .runs
-            .iter()
-            .flat_map(|run| [blocks(run), rests(run)].concat());
-        let ends = steps.map(|step| {
-            now = [now[0] + step[0], now[1] + step[1]];
-            now
-        });
-        std::iter::once([0.0; 2]).chain(ends).collect()
+        let mut clock = vec![now];
+        for run in &self.runs {
+            let blocks = run.blocks.iter();
+            let blocks = blocks.map(|block| [block.seconds, block.lasts_s]);
+            let rests = run.rests.iter().map(|rest| [rest.0; 2]);
+            for step in blocks.chain(rests) {
+                now = [now[0] + step[0], now[1] + step[1]];
+                clock.push(now);
+            }
+        }
+        clock
     }
 
     /// Number of its blocks.
@@ -255,32 +248,35 @@ impl Walk {
 /// A rest, divided where the output changes.
 fn rests([from, to]: [u64; 2], changes: &[OutputChange], servo_hz: f64) -> Vec<(f64, Option<f64>)> {
     let mut before = from;
-    let mut rests = Vec::new();
+    let mut rests: Vec<(f64, Option<f64>)> = Vec::new();
     let ends = changes.iter().map(|of| (of.tick.min(to), Some(of.value)));
     for (tick, output) in ends.chain([(to, None)]) {
         if tick > before {
             rests.push(((tick - before) as f64 / servo_hz, output));
+        } else if let Some(last) = rests.last_mut() {
+            // Of two changes at one place the later one counts.
+            last.1 = output.or(last.1);
         }
         before = tick;
     }
     rests
 }
 
+/// The end that is nearest to a tick; ends rise.
+fn nearest(ends: &[usize], tick: usize) -> Option<usize> {
+    let after = ends.partition_point(|end| *end < tick);
+    let around = after.saturating_sub(1)..ends.len().min(after + 1);
+    around.min_by_key(|&index| ends[index].abs_diff(tick))
+}
+
 /// The ends of blocks, with those added where the output changes and none is near.
-fn with_changes(ends: Vec<usize>, changes: &[usize], near: usize) -> Vec<usize> {
-    let mut all = ends;
-    for tick in changes {
-        let at = all.partition_point(|end| end < tick);
-        let is_near = |index: usize| {
-            all.get(index)
-                .is_some_and(|end| end.abs_diff(*tick) <= near)
-        };
-        let has_end = is_near(at) || at > 0 && is_near(at - 1);
-        if !has_end {
-            all.insert(at, *tick);
+fn with_changes(mut ends: Vec<usize>, changes: &[usize], near: usize) -> Vec<usize> {
+    for &tick in changes {
+        if nearest(&ends, tick).is_none_or(|index| ends[index].abs_diff(tick) > near) {
+            ends.insert(ends.partition_point(|end| *end < tick), tick);
         }
     }
-    all
+    ends
 }
 
 /// The ends of blocks, with those added that keep every tick within the tolerance: between far ends not all were looked at.
@@ -367,8 +363,7 @@ impl Walker<'_> {
             (before, at) = (end, to);
         }
         for (change, tick) in changes.iter().zip(ticks) {
-            let nearest = (0..ends.len()).min_by_key(|&index| ends[index].abs_diff(tick));
-            if let Some(index) = nearest {
+            if let Some(index) = nearest(&ends, tick) {
                 blocks[index].output = Some(change.value);
             }
         }
@@ -480,5 +475,27 @@ impl Walker<'_> {
             heading_rad,
             joints,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: no change of the output is lost in a rest, and of two at one place the later one counts. Method: changes within
+    /// a rest of 100 ticks, and two that come right after it, which are set at its end.
+    #[test]
+    fn a_rest_keeps_what_changes_in_it() {
+        let change = |(tick, value)| OutputChange { tick, value };
+        let rests_of = |changes: &[(u64, f64)]| {
+            let changes: Vec<OutputChange> = changes.iter().copied().map(change).collect();
+            rests([1000, 1100], &changes, 100.0)
+        };
+        assert_eq!(rests_of(&[]), [(1.0, None)]);
+        assert_eq!(
+            rests_of(&[(1025, 2.0), (1050, 3.0)]),
+            [(0.25, Some(2.0)), (0.25, Some(3.0)), (0.5, None)]
+        );
+        assert_eq!(rests_of(&[(1102, 2.0), (1105, 0.0)]), [(1.0, Some(0.0))]);
     }
 }
