@@ -239,10 +239,10 @@ pub fn write_program(job: &ProgramJob, options: &ProgramOptions) -> Result<Progr
         });
     }
     let tolerances = Tolerances::of(options);
-    let servo_hz = f64::from(job.stream.machine(job.machine).servo_hz);
     let mut changes = OutputChanges::default();
     let mut walk = Walk::of(job, &tolerances, &changes)?;
     if let Some(pump) = job.pump {
+        let servo_hz = f64::from(job.stream.machine(job.machine).servo_hz);
         changes = OutputChanges::of(job.stream, servo_hz, pump, &walk.clock());
         walk = Walk::of(job, &tolerances, &changes)?;
     }

@@ -14,22 +14,28 @@ const ROUNDS: usize = 6;
 /// Sets the speeds of blocks from rest to rest.
 pub(super) fn pace(blocks: &mut [Block], acceleration_mm_s2: f64) {
     for _ in 0..ROUNDS {
-        let corners = corner_speeds(blocks, acceleration_mm_s2);
-        let mut entry = 0.0;
-        for (block, exit) in blocks.iter_mut().zip(corners) {
-            let lasts_s = seconds(block, [entry, exit], acceleration_mm_s2);
+        let lasting = lasting_s(blocks, acceleration_mm_s2);
+        for (block, lasts_s) in blocks.iter_mut().zip(lasting) {
             let raised = block.speed_mm_s * lasts_s / block.seconds;
             let mean_mm_s = block.length_mm / block.seconds;
             block.speed_mm_s = raised.min(block.peak_mm_s).max(mean_mm_s);
-            entry = exit;
         }
     }
-    let corners = corner_speeds(blocks, acceleration_mm_s2);
-    let mut entry = 0.0;
-    for (block, exit) in blocks.iter_mut().zip(corners) {
-        block.lasts_s = seconds(block, [entry, exit], acceleration_mm_s2);
-        entry = exit;
+    let lasting = lasting_s(blocks, acceleration_mm_s2);
+    for (block, lasts_s) in blocks.iter_mut().zip(lasting) {
+        block.lasts_s = lasts_s;
     }
+}
+
+/// How long the blocks last with their speeds, s.
+fn lasting_s(blocks: &[Block], acceleration_mm_s2: f64) -> Vec<f64> {
+    let mut entry = 0.0;
+    let corners = corner_speeds(blocks, acceleration_mm_s2);
+    let lasting = blocks.iter().zip(corners).map(|(block, exit)| {
+        let ends = [std::mem::replace(&mut entry, exit), exit];
+        seconds(block, ends, acceleration_mm_s2)
+    });
+    lasting.collect()
 }
 
 /// The speed at the end of each block.
