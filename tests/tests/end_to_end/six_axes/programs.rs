@@ -58,16 +58,20 @@ pub(super) fn written(
     write_program(&job, options)
 }
 
+/// The files of a program, as interpreters read them.
+pub(super) fn sources(program: &Program) -> Vec<SourceFile> {
+    let files = program.files.iter().map(|file| SourceFile {
+        name: file.name.clone(),
+        text: file.text.clone(),
+    });
+    files.collect()
+}
+
 /// The steps of a program; of several, one after the other.
 pub(super) fn run(program: &Program, language: Language) -> Vec<Step> {
+    let mut files = sources(program);
     // The submit interpreter's program is no part of it.
-    let own = (program.files.iter()).filter(|file| !file.name.ends_with(".sub"));
-    let files: Vec<SourceFile> = own
-        .map(|file| SourceFile {
-            name: file.name.clone(),
-            text: file.text.clone(),
-        })
-        .collect();
+    files.retain(|file| !file.name.ends_with(".sub"));
     let mains = |ending: &str| {
         let names = files
             .iter()
@@ -240,18 +244,27 @@ fn geometry(settings: &Settings) -> (ArmGeometry, [[f64; 2]; 6]) {
     (geometry, ranges)
 }
 
-/// The motions with blends as distances, and of each that leads to a pose the tick at which the job is there.
-pub(super) fn ends_and_ticks(
-    job: &[Sample],
-    steps: &[Step],
-    language: Language,
-) -> (Vec<Motion>, Vec<usize>) {
-    let motions: Vec<Motion> = (steps.iter())
-        .filter_map(|step| match step {
-            Step::Move(motion) => Some(motion.clone()),
-            _ => None,
-        })
-        .collect();
+/// The motions of a program.
+fn motions_of(steps: &[Step]) -> Vec<Motion> {
+    let motions = steps.iter().filter_map(|step| match step {
+        Step::Move(motion) => Some(motion.clone()),
+        _ => None,
+    });
+    motions.collect()
+}
+
+/// A program's motions held against the path of its job.
+pub(super) struct OnPath {
+    /// Motions with blends as distances.
+    pub(super) timed: Vec<Motion>,
+    /// Those that lead to a pose (the way to the start may not), the pose, and the tick at which the job is there.
+    pub(super) posed: Vec<(Motion, Posed, usize)>,
+}
+
+/// Holds the motions against the job's path.
+pub(super) fn on_path(job: &[Sample], steps: &[Step], language: Language) -> OnPath {
+    let what = language.name();
+    let motions = motions_of(steps);
     let posed: Vec<(&Motion, Posed)> = (motions.iter())
         .filter_map(|motion| Some((motion, end_of(motion, language)?)))
         .collect();
@@ -259,14 +272,30 @@ pub(super) fn ends_and_ticks(
     let ends: Vec<_> = std::iter::once(start)
         .chain(posed.iter().map(|of| of.1))
         .collect();
-    let ticks = check_path(&ends, job, language.name());
+    let ticks = check_path(&ends, job, what);
     let timed = match language {
         Language::Sinumerik => with_contour_tolerance(&posed),
         _ => motions.clone(),
     };
-    let ticks = ends.iter().zip(ticks).skip(1);
-    let ticks = ticks.map(|(end, tick)| at_tick(end, tick, job, language.name()));
-    (timed, ticks.collect())
+    let posed = posed.into_iter().zip(&ticks[1..]);
+    let posed =
+        posed.map(|((motion, end), &tick)| (motion.clone(), end, at_tick(&end, tick, job, what)));
+    OnPath {
+        posed: posed.collect(),
+        timed,
+    }
+}
+
+/// Limits by which blocks are timed: the plan's acceleration alone.
+pub(super) fn limits(settings: &Settings) -> BlockLimits {
+    BlockLimits {
+        tip_speed_mm_s: 1e6,
+        tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2,
+        turn_speed_deg_s: 1e6,
+        turn_acceleration_deg_s2: 1e6,
+        joint_speed_deg_s: vec![1e6; 6],
+        joint_acceleration_deg_s2: 1e6,
+    }
 }
 
 /// Holds a program against its job.
@@ -275,12 +304,6 @@ fn check(plan: &Plan, settings: &Settings, options: &ProgramOptions) {
     let what = language.name();
     let program = written(plan, settings, options).unwrap();
     let steps = run(&program, language);
-    let motions: Vec<Motion> = (steps.iter())
-        .filter_map(|step| match step {
-            Step::Move(motion) => Some(motion.clone()),
-            _ => None,
-        })
-        .collect();
     let waits_s: f64 = (steps.iter())
         .map(|step| match step {
             Step::Wait { seconds } => *seconds,
@@ -288,28 +311,8 @@ fn check(plan: &Plan, settings: &Settings, options: &ProgramOptions) {
         })
         .sum();
     let job = samples(plan, settings);
-    // The way to the start is the program's own.
-    let posed: Vec<(&Motion, Posed)> = (motions.iter())
-        .filter_map(|motion| Some((motion, end_of(motion, language)?)))
-        .collect();
-    let start = (job[0].tip_mm, job[0].tool);
-    let ends: Vec<_> = std::iter::once(start)
-        .chain(posed.iter().map(|of| of.1))
-        .collect();
-    let ticks = check_path(&ends, &job, what);
-    let limits = BlockLimits {
-        tip_speed_mm_s: 1e6,
-        tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2,
-        turn_speed_deg_s: 1e6,
-        turn_acceleration_deg_s2: 1e6,
-        joint_speed_deg_s: vec![1e6; 6],
-        joint_acceleration_deg_s2: 1e6,
-    };
-    let timed = match language {
-        Language::Sinumerik => with_contour_tolerance(&posed),
-        _ => motions.clone(),
-    };
-    let took_s = seconds(&timed, &limits) + waits_s;
+    let OnPath { timed, posed } = on_path(&job, &steps, language);
+    let took_s = seconds(&timed, &limits(settings)) + waits_s;
     let share = took_s / program.duration_s;
     println!(
         "{what}: {} points, {} bytes, {:.3} of the job's time",
@@ -326,12 +329,8 @@ fn check(plan: &Plan, settings: &Settings, options: &ProgramOptions) {
         "{what}: {took_s} s, {} s",
         program.duration_s
     );
-    // Of each point the tick at which the job is there.
-    let ticks: Vec<usize> = (ends.iter().zip(ticks).skip(1))
-        .map(|(end, tick)| at_tick(end, tick, &job, what))
-        .collect();
     if has_nozzle(settings) {
-        for ((motion, _), tick) in posed.iter().zip(&ticks) {
+        for (motion, _, tick) in &posed {
             let Target::Pose { external, .. } = &motion.target else {
                 continue;
             };
@@ -343,7 +342,7 @@ fn check(plan: &Plan, settings: &Settings, options: &ProgramOptions) {
             );
         }
     } else if language == Language::Rapid {
-        check_joints(&posed, &ticks, &job, settings);
+        check_joints(&posed, &job, settings);
     }
 }
 
@@ -383,10 +382,10 @@ fn at_tick(end: &Posed, near: usize, job: &[Sample], what: &str) -> usize {
 }
 
 /// The joints by the configurations that are written are the job's, and no block asks for more speed than they have.
-fn check_joints(posed: &[(&Motion, Posed)], ticks: &[usize], job: &[Sample], settings: &Settings) {
+fn check_joints(posed: &[(Motion, Posed, usize)], job: &[Sample], settings: &Settings) {
     let (geometry, ranges) = geometry(settings);
     let mut before: Option<[f64; 6]> = None;
-    for (number, (motion, end)) in posed.iter().enumerate() {
+    for (number, (motion, end, tick)) in posed.iter().enumerate() {
         let Target::Pose {
             tip_mm,
             rotation,
@@ -398,7 +397,7 @@ fn check_joints(posed: &[(&Motion, Posed)], ticks: &[usize], job: &[Sample], set
         };
         let joints = joints_of(&geometry, *tip_mm, *rotation, configuration, &ranges)
             .unwrap_or_else(|error| panic!("{}:{}: {error}", motion.file, motion.line));
-        let theirs = job[ticks[number]].joints_deg;
+        let theirs = job[*tick].joints_deg;
         for (axis, (own, job)) in joints.iter().zip(&theirs).enumerate() {
             assert!(
                 (own - job).abs() < 0.01,

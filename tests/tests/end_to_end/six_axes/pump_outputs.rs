@@ -2,14 +2,14 @@
 //! the machine stops. Method: programs are run by the interpreters of their languages, timed by the model of blocks and
 //! blends, and their outputs held against the volume of the job's stream at each servo tick.
 
-use super::programs::{Sample, ends_and_ticks, options, run, samples, written};
+use super::programs::{OnPath, Sample, limits, on_path, options, run, samples, sources, written};
 use super::wrist::arm;
 use headway::input::{self, Format, ReadOptions, Target};
 use headway::programs::{Language, Program};
 use headway::settings::pump::{PumpKind, PumpOutput};
 use headway::settings::{Settings, machine_file};
 use headway::{Plan, plan_target};
-use headway_tests::robot_programs::block_time::{BlockLimits, motion_seconds};
+use headway_tests::robot_programs::block_time::motion_seconds;
 use headway_tests::robot_programs::krl::run_krl;
 use headway_tests::robot_programs::rapid::run_rapid;
 use headway_tests::robot_programs::{Motion, SourceFile, Step};
@@ -52,17 +52,6 @@ struct Played {
     ends_s: Vec<f64>,
     /// Changes: when, s, and to what.
     changes: Vec<(f64, f64)>,
-}
-
-fn limits(settings: &Settings) -> BlockLimits {
-    BlockLimits {
-        tip_speed_mm_s: 1e6,
-        tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2,
-        turn_speed_deg_s: 1e6,
-        turn_acceleration_deg_s2: 1e6,
-        joint_speed_deg_s: vec![1e6; 6],
-        joint_acceleration_deg_s2: 1e6,
-    }
 }
 
 /// What a synchronised action sets with the next motion.
@@ -154,13 +143,13 @@ fn check(plan: &Plan, job: &[Sample], settings: &Settings, language: Language) {
     let program = written(plan, settings, &options(language)).unwrap();
     let steps = run(&program, language);
     check_stops(&program, &steps, language);
-    let (timed, ticks) = ends_and_ticks(job, &steps, language);
+    let OnPath { timed, posed } = on_path(job, &steps, language);
     let played = played(&steps, &timed, settings);
     let volumes_mm3: Vec<f64> = job.iter().map(|of| of.volume_mm3).collect();
     // Where the job is at a time of the program, by the ends of its blocks.
     let mut places: Vec<(f64, f64)> = vec![(0.0, 0.0)];
-    let first = played.ends_s.len() - ticks.len();
-    for (tick, end_s) in ticks.iter().zip(&played.ends_s[first..]) {
+    let first = played.ends_s.len() - posed.len();
+    for ((_, _, tick), end_s) in posed.iter().zip(&played.ends_s[first..]) {
         let last = places.last().unwrap();
         if *tick as f64 >= last.0 && *end_s >= last.1 {
             places.push((*tick as f64, *end_s));
@@ -292,12 +281,7 @@ fn outputs_come_before_the_flow() {
 
 /// Twenty places of the program at which the pump runs: the controller's own routine switches it off.
 fn check_stops(program: &Program, steps: &[Step], language: Language) {
-    let files: Vec<SourceFile> = (program.files.iter())
-        .map(|file| SourceFile {
-            name: file.name.clone(),
-            text: file.text.clone(),
-        })
-        .collect();
+    let files = sources(program);
     let mut level = 0.0;
     let mut running: Vec<usize> = Vec::new();
     for (place, step) in steps.iter().enumerate() {
