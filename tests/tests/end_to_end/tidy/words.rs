@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Phrases, and what stands in their place.
 const BANNED: [(&str, &str); 8] = [
-    ("behind a power cut", "after a power cut"),
+    ("behind a power cut", "after a power failure"),
     ("numbers that are none", "values that are not numbers"),
     ("no chords of its own", "does not split into chords"),
     ("Whose it is", "who owns it"),
