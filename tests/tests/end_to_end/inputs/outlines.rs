@@ -115,6 +115,9 @@ fn examples_have_the_area_they_were_drawn_with() {
         ("gear.json", 1, 210.09, 1e-3),
         ("letter.json", 1, 158.91, 1e-3),
         ("dome-ring.json", 1, 691.15, 1e-3),
+        // 3 mm inwards of r = 60 + 3 cos 5t, 382.82 mm long; 40 mm about 10,585 mm of straights and quarter circles.
+        ("pot.json", 1, 1120.18, 1e-3),
+        ("wall.json", 1, 423_398.0, 1e-3),
     ];
     for (name, regions, area, tolerance) in expected {
         let path = PathBuf::from(EXAMPLES).join(name);
