@@ -77,6 +77,8 @@ pub const fn items(problem: SettingsProblem) -> &'static [&'static str] {
             "steps_per_unit",
             "pressure_advance_s",
             "pressure_advance_window_ms",
+            "flow_loss",
+            "advance",
         ],
         SettingsProblem::Switch => &[
             "fast speed",

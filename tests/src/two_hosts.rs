@@ -17,6 +17,7 @@ use headway::job::SegmentStream;
 use headway::job::frames::WireFrames;
 use headway::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::configuration::flow_curves::FlowCurves;
 use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_firmware::configuration::motors::MotorMatrix;
 use headway_firmware::line::Conversation;
@@ -43,6 +44,7 @@ pub fn machine() -> MachineConfiguration {
         servo_hz: SERVO_HZ,
         step_hz: STEP_HZ,
         motors: MotorMatrix::DIRECT,
+        curves: FlowCurves::NONE,
         ..Settings::default().machine
     }
 }

@@ -1,6 +1,7 @@
 //! Built-in settings of the boards in this repository.
 
 use crate::configuration::drivers::DriversConfiguration;
+use crate::configuration::flow_curves::FlowCurves;
 use crate::configuration::homing::HomingConfiguration;
 use crate::configuration::motors::MotorMatrix;
 use crate::configuration::shaping::UNSHAPED;
@@ -66,6 +67,7 @@ pub fn emulated_planar() -> MachineConfiguration {
         servo_hz: 2000,
         step_hz: 200_000,
         motors: MotorMatrix::DIRECT,
+        curves: FlowCurves::NONE,
     }
 }
 
@@ -146,5 +148,6 @@ pub fn built_in_planar() -> MachineConfiguration {
         servo_hz: 2000,
         step_hz: 200_000,
         motors: MotorMatrix::DIRECT,
+        curves: FlowCurves::NONE,
     }
 }

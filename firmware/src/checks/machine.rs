@@ -1,6 +1,7 @@
 //! The machine: joints, extruder, rates, motors, shapers.
 
 use super::{first_wrong, is_positive};
+use crate::configuration::flow_curves::CurvePoints;
 use crate::configuration::motors::MotorMatrix;
 use crate::configuration::shaping::Shaper;
 use crate::configuration::{
@@ -12,6 +13,8 @@ use crate::steps::shaping::{DAMPING_MAX, Shape, shapes};
 
 /// Most steps per mm, rad or mm³: the fixed-point scale holds it, and no driver needs it.
 const STEPS_PER_UNIT_MAX: f64 = 30_000.0;
+/// Of a slope, by points in single precision.
+const ROUNDING: f64 = 1e-6;
 
 impl MachineConfiguration {
     /// Checks everything that the firmware relies on.
@@ -42,13 +45,32 @@ impl MachineConfiguration {
         if let Some(joint) = self.joints.iter().position(|joint| joint.wrong().is_some()) {
             return Err(ConfigurationError::Joint(joint));
         }
-        if self.extruder.wrong().is_some() {
+        if self.wrong_extruder().is_some() {
             return Err(ConfigurationError::Joint(given));
         }
         if !self.motors.is_right(&self.joints) {
             return Err(ConfigurationError::Motors);
         }
         wrong_shaper(self).map_or(Ok(()), |joint| Err(ConfigurationError::Shaper(joint)))
+    }
+}
+
+impl MachineConfiguration {
+    /// The first number of the extruder or of its curves that cannot be; of a point, its flow.
+    pub fn wrong_extruder(&self) -> Option<WrongNumber> {
+        let curves = &self.curves;
+        let [loss, advance] = curves.wrong();
+        let flow = |points: &CurvePoints, at: usize| {
+            points.get(at).map_or(0.0, |[flow, _]| f64::from(*flow))
+        };
+        let bounded = curves.advance_bounds().is_none_or(|[most_s, _]| {
+            most_s <= self.extruder.pressure_advance_s * (1.0 + ROUNDING)
+        });
+        let of_extruder = self.extruder.wrong();
+        of_extruder
+            .or_else(|| loss.map(|at| (8, flow(&curves.loss, at))))
+            .or_else(|| advance.map(|at| (9, flow(&curves.advance, at))))
+            .or_else(|| (!bounded).then_some((6, self.extruder.pressure_advance_s)))
     }
 }
 

@@ -4,6 +4,7 @@
 //! its hash. Joint order: the kinematics' joints first, the extruder is motor `joints.len()`.
 
 use crate::configuration::axis_family::AxisFamily;
+use crate::configuration::flow_curves::FlowCurves;
 use crate::configuration::motors::MotorMatrix;
 use crate::configuration::shaping::Shaper;
 use heapless::Vec;
@@ -201,6 +202,9 @@ pub struct MachineConfiguration {
     /// from them: it is a section of its own in a record.
     #[serde(skip_deserializing, skip_serializing_if = "MotorMatrix::is_direct")]
     pub motors: MotorMatrix,
+    /// The extruder's curves, kept out of the bytes in the same way.
+    #[serde(skip_deserializing, skip_serializing_if = "FlowCurves::is_none")]
+    pub curves: FlowCurves,
 }
 
 /// Why a configuration cannot be run.
@@ -271,14 +275,23 @@ impl MachineConfiguration {
         headway_protocol::frame::hash_of(&machine)
     }
 
-    /// The same machine with a motor for each joint, as written to the record apart from its
-    /// motors.
+    /// The same machine without what is written apart from it: its motors and its curves.
     #[must_use]
-    pub fn without_motors(&self) -> Self {
+    pub fn plain(&self) -> Self {
         Self {
             motors: MotorMatrix::DIRECT,
+            curves: FlowCurves::NONE,
             ..self.clone()
         }
+    }
+
+    /// Limits of the flow that arrives and of its change, mm³/s and mm³/s²: within them the motor keeps its own.
+    pub fn arriving_limits(&self) -> [f64; 2] {
+        let extruder = &self.extruder;
+        [
+            self.curves.arriving().at(extruder.speed_max_mm3_s)[0],
+            extruder.acceleration_max_mm3_s2 / self.curves.asked().steepest(),
+        ]
     }
 
     /// Motors in all: joints, extruder, copies.

@@ -7,6 +7,7 @@
 pub mod axis_family;
 pub mod board_name;
 pub mod drivers;
+pub mod flow_curves;
 pub mod heat;
 pub mod homing;
 mod machine;

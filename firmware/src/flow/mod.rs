@@ -1,4 +1,4 @@
-//! The extruder's target: e = V + K dV/dt + primes - retracts, in motor steps.
+//! The extruder's target: e = V + K dV/dt + losses + primes - retracts, in motor steps.
 //!
 //! In: the volume channel's position, primes and retracts that wait (`event_queue`) or that a rest requires (`hold`).
 //! Out: the extruder motor's target, and whether it keeps its limits (`extruder_limits`).
@@ -8,30 +8,36 @@
 //!   ago, so everything else is delayed by that (`steps/delay.rs`), and exactly 0 once V has rested for W. If
 //!   a shaper's delay is longer, the advance is delayed too. The window limits the effect of a change of path
 //!   rate on the extruder's speed.
+//! - Losses: where a share of the flow does not arrive (`[extruder] flow_loss`), the motor turns by as much more,
+//!   from its rate of the moment, V' + K V'', so that pauses, overrides and the advance count. Their sum belongs to
+//!   V: it is entered with it, and what it has grown by since is added to what comes out of the delay.
 //! - Primes and retracts run in real time, along x³ (10 - 15 x + 6 x²), and end exactly on their
 //!   integer volume.
 
 pub mod event_queue;
 pub mod extruder_limits;
 pub mod hold;
+mod tick_curve;
 
-use crate::configuration::ExtruderConfiguration;
+use crate::configuration::MachineConfiguration;
 use crate::design::{
     ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX, FLOW_OVERRIDE_PERCENT_PER_S, LINE_TICKS,
 };
-use crate::steps::delay::window_ticks;
-use crate::steps::{ScaledUnits, StepScale, Target};
+use crate::steps::delay::{advance_centre_ticks, window_ticks};
+use crate::steps::{ScaledUnits, StepScale, TARGET_SHIFT, Target};
 use headway_protocol::control::EVENT_VOLUME_UNITS_MAX;
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
 use heapless::Vec;
+use tick_curve::TickCurve;
 
 /// Flow as planned.
 pub const UNSCALED_Q16: u32 = 1 << 16;
 /// Fraction bits of [`Flow::advance_gain`].
 const GAIN_BITS: u32 = 20;
-/// Fraction bits in the window, which wraps at 32,768 steps.
+/// Fraction bits in the window, which wraps at 32,768 steps, and of the advance.
 const WINDOW_BITS: u32 = 16;
+const ADVANCE_BITS: u32 = 22;
 /// Servo ticks of flow that are kept: the longest window, and the longest wait.
 const WINDOW_ROWS: usize = ADVANCE_WINDOW_TICKS_MAX + LINE_TICKS;
 
@@ -61,6 +67,8 @@ impl ActiveEvent {
 pub struct Flow {
     /// Advance by the increase over the window, 2^-20.
     advance_gain: i32,
+    /// A curve is to be followed.
+    is_curved: bool,
     window_ticks: usize,
     /// Servo ticks that the advance waits.
     wait_ticks: usize,
@@ -70,6 +78,7 @@ pub struct Flow {
     /// Sum of all events that are over, as a distance.
     settled: Target,
     scaling: FlowScaling,
+    curves: Curves,
     active: Vec<ActiveEvent, ACTIVE_EVENTS_MAX>,
     scale: StepScale,
     /// Sum of all events that are over, exact.
@@ -81,13 +90,52 @@ pub struct Flow {
 #[derive(Clone, Debug)]
 pub struct FlowWindow {
     rows: [i32; WINDOW_ROWS],
+    /// Sum of the losses, 2^-22 steps, wrapping at 1024.
+    lost: [i32; WINDOW_ROWS],
 }
 
 impl FlowWindow {
     /// Nothing has flowed.
     pub const NONE: Self = Self {
         rows: [0; WINDOW_ROWS],
+        lost: [0; WINDOW_ROWS],
     };
+}
+
+/// The advance that is not in proportion, and what the motor turns beyond what is to arrive.
+#[derive(Clone, Debug)]
+struct Curves {
+    /// By the increase over the window.
+    advance: TickCurve,
+    /// By the motor's way in a tick.
+    loss: TickCurve,
+    /// Servo ticks from a target's entry to its steps.
+    delay_ticks: usize,
+    /// Planned place and advance of the last tick's steps.
+    place: i32,
+    advance_before: i64,
+    /// Sum of the losses, 2^-22 steps.
+    sum: i64,
+}
+
+impl Curves {
+    fn new(machine: &MachineConfiguration, servo_hz: u32, wait_ticks: usize, gain: f64) -> Self {
+        let (extruder, curves) = (&machine.extruder, &machine.curves);
+        let steps = extruder.steps_per_mm3;
+        let tick_s = 1.0 / f64::from(servo_hz.max(1));
+        let window_s = f64::from(window_ticks(extruder, servo_hz)) * tick_s;
+        Self {
+            advance: match curves.advance.is_empty() {
+                true => TickCurve::straight(gain),
+                false => TickCurve::of(&curves.advance_volume(), 0.0, [window_s * steps, steps]),
+            },
+            loss: TickCurve::of(&curves.asked(), 1.0, [tick_s * steps; 2]),
+            delay_ticks: wait_ticks + advance_centre_ticks(extruder, servo_hz) as usize,
+            place: 0,
+            advance_before: 0,
+            sum: 0,
+        }
+    }
 }
 
 /// Flow override: the volume deposited above or below the plan.
@@ -151,7 +199,8 @@ impl FlowScaling {
 impl Flow {
     /// At rest, nothing deposited. A window longer than [`ADVANCE_WINDOW_TICKS_MAX`] is cut. The advance
     /// waits for `wait_ticks` ([`crate::steps::delay::Delays`]).
-    pub fn new(extruder: &ExtruderConfiguration, servo_hz: u32, wait_ticks: u32) -> Self {
+    pub fn new(machine: &MachineConfiguration, servo_hz: u32, wait_ticks: u32) -> Self {
+        let extruder = &machine.extruder;
         let window_ticks = window_ticks(extruder, servo_hz) as usize;
         let wait_ticks = (wait_ticks as usize).min(LINE_TICKS);
         let per_tick = extruder.pressure_advance_s * f64::from(servo_hz) / window_ticks as f64;
@@ -159,6 +208,8 @@ impl Flow {
         Self {
             scale: StepScale::new(steps_per_unit),
             advance_gain: (per_tick * f64::from(1 << GAIN_BITS) + 0.5) as i32,
+            is_curved: !machine.curves.is_none(),
+            curves: Curves::new(machine, servo_hz, wait_ticks, per_tick),
             window_ticks,
             wait_ticks,
             length: window_ticks + wait_ticks,
@@ -199,6 +250,9 @@ impl Flow {
         self.settled = Target::default();
         self.scaling.settle();
         window.rows = [place.coarse(); WINDOW_ROWS];
+        window.lost = [0; WINDOW_ROWS];
+        let curves = &mut self.curves;
+        (curves.place, curves.advance_before, curves.sum) = (place.coarse(), 0, 0);
     }
 
     /// Begins a prime or retract in this servo tick, before its target. False if too many run already.
@@ -240,7 +294,11 @@ impl Flow {
 
     /// How long a flow is remembered by pressure advance, servo ticks.
     pub fn memory_ticks(&self) -> u32 {
-        self.length as u32
+        let lost_ticks = match self.is_curved {
+            true => self.curves.delay_ticks,
+            false => 0,
+        };
+        (self.length + lost_ticks) as u32
     }
 
     /// Stops all events at once, keeping the volume moved so far.
@@ -265,16 +323,21 @@ impl Flow {
         if self.scaling.is_asked {
             place = place.plus(self.scaling.extra(place));
         }
-        let advance = self.advance(window, place.coarse());
+        let gained = self.gained(window, place.coarse());
+        let gain = i64::from(self.advance_gain);
+        let mut advance = (i64::from(gained) * gain) >> (GAIN_BITS + WINDOW_BITS - ADVANCE_BITS);
+        if self.is_curved {
+            (place, advance) = self.curved(window, place, gained);
+        }
         if !self.active.is_empty() {
             place = place.moved(self.progress());
         }
         (place.plus(self.settled), advance)
     }
 
-    /// K dV/dt over the window, 2^-22 steps; `now`: V in 2^-16 steps, wrapping.
+    /// Increase of V over the window, 2^-16 steps; `now`: V in the same, wrapping.
     #[inline]
-    fn advance(&mut self, window: &mut FlowWindow, now: i32) -> i64 {
+    fn gained(&mut self, window: &mut FlowWindow, now: i32) -> i32 {
         self.newest += 1;
         if self.newest >= self.length {
             self.newest = 0;
@@ -289,8 +352,32 @@ impl Flow {
             };
             due = window.rows[back % WINDOW_ROWS];
         }
-        let gained = due.wrapping_sub(before);
-        (i64::from(gained) * i64::from(self.advance_gain)) >> (GAIN_BITS + WINDOW_BITS - 22)
+        due.wrapping_sub(before)
+    }
+
+    /// Target and advance by the curves: the losses are those of the steps that are made in this tick.
+    #[inline(never)]
+    fn curved(&mut self, window: &mut FlowWindow, place: Target, gained: i32) -> (Target, i64) {
+        let curves = &mut self.curves;
+        let advance = curves.advance.at(gained);
+        let back = match self.newest.checked_sub(curves.delay_ticks) {
+            Some(back) => back,
+            None => (self.newest + self.length).wrapping_sub(curves.delay_ticks),
+        };
+        let due = window.rows[back % WINDOW_ROWS];
+        let pushed = advance.wrapping_sub(curves.advance_before) >> (ADVANCE_BITS - WINDOW_BITS);
+        let way = due.wrapping_sub(curves.place).wrapping_add(pushed as i32);
+        (curves.place, curves.advance_before) = (due, advance);
+        if way > 0 {
+            // Melt that is pulled back is not lost.
+            curves.sum = curves.sum.wrapping_add(curves.loss.at(way));
+        }
+        let sum = curves.sum as i32;
+        window.lost[self.newest % WINDOW_ROWS] = sum;
+        let entered = window.lost[back % WINDOW_ROWS];
+        let since = i64::from(sum.wrapping_sub(entered));
+        let place = place.plus(Target::of_distance(curves.sum << TARGET_SHIFT));
+        (place, advance.wrapping_add(since))
     }
 
     /// Steps of the events in progress; settles those that end, moves all on by a tick.
@@ -317,17 +404,20 @@ mod tests {
     //! Goal: the extruder ends exactly on its integer volume, advances by K dV/dt, and events
     //! follow their law. Method: known flows tick by tick.
     use super::*;
+    use crate::configuration::ExtruderConfiguration;
     use crate::steps::{STEP, count};
     use headway_protocol::units::Ticks;
 
-    fn extruder() -> ExtruderConfiguration {
-        ExtruderConfiguration {
+    fn machine() -> MachineConfiguration {
+        let mut machine = crate::board::built_in::emulated_planar();
+        machine.extruder = ExtruderConfiguration {
             steps_per_mm3: 400.0,
             speed_max_mm3_s: 50.0,
             acceleration_max_mm3_s2: 2000.0,
             pressure_advance_s: 0.04,
             pressure_advance_window_ms: 40.0,
-        }
+        };
+        machine
     }
 
     struct Tested {
@@ -338,7 +428,7 @@ mod tests {
     impl Tested {
         fn new() -> Self {
             Self {
-                flow: Flow::new(&extruder(), 2000, 0),
+                flow: Flow::new(&machine(), 2000, 0),
                 window: FlowWindow::NONE,
             }
         }

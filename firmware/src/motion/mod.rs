@@ -167,7 +167,7 @@ impl Motion {
             queue: KnotQueue::new(),
             events: EventQueue::default(),
             warp: TimeWarp::default(),
-            flow: Flow::new(&configuration.extruder, servo_hz, delays.advance_ticks),
+            flow: Flow::new(configuration, servo_hz, delays.advance_ticks),
             hold: Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, servo_hz)),
             programmer: StepProgrammer::new(motors, configuration.interval_ticks()).with_mix(mix),
             state: State::NEW,

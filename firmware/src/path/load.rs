@@ -178,6 +178,7 @@ impl LoadModel {
             *limit = JointLimit::new(joint, servo_hz);
         }
         let extruder = &configuration.extruder;
+        let [speed_max_mm3_s, acceleration_max_mm3_s2] = configuration.arriving_limits();
         let window_s = (extruder.pressure_advance_window_ms * 1e-3).max(1.0 / servo_hz);
         Self {
             kinematics: configuration.kinematics,
@@ -191,9 +192,8 @@ impl LoadModel {
                 };
                 (pair, limit)
             }),
-            extruder_per_acceleration: (servo_hz * servo_hz / extruder.acceleration_max_mm3_s2)
-                as f32,
-            extruder_per_speed: (servo_hz / extruder.speed_max_mm3_s) as f32,
+            extruder_per_acceleration: (servo_hz * servo_hz / acceleration_max_mm3_s2) as f32,
+            extruder_per_speed: (servo_hz / speed_max_mm3_s) as f32,
             advance_gain: (1.0 + 2.0 * extruder.pressure_advance_s / window_s) as f32,
             advance_rate_gain: (1.0 + extruder.pressure_advance_s / window_s) as f32,
             extruder: *extruder,
@@ -422,6 +422,7 @@ mod tests {
     //! speed and acceleration with known answers.
     use super::*;
     use crate::configuration::ExtruderConfiguration;
+    use crate::configuration::flow_curves::FlowCurves;
     use crate::configuration::motors::MotorMatrix;
     use crate::configuration::shaping::UNSHAPED;
     use headway_protocol::segment::Knot;
@@ -450,6 +451,7 @@ mod tests {
             servo_hz: 2000,
             step_hz: 200_000,
             motors: MotorMatrix::DIRECT,
+            curves: FlowCurves::NONE,
         }
     }
 

@@ -16,6 +16,7 @@ mod tests;
 
 use crate::configuration::board_name::BoardName;
 use crate::configuration::drivers::DriversConfiguration;
+use crate::configuration::flow_curves::FlowCurves;
 use crate::configuration::heat::{EXTRUDE_MIN_C, HEATERS_MAX, HeatConfiguration};
 use crate::configuration::homing::HomingConfiguration;
 use crate::configuration::motors::MotorMatrix;
@@ -48,6 +49,8 @@ const MOTORS: u8 = 8;
 const MARKS: u8 = 9;
 /// `HomingConfiguration::hold`, where there is any: not to be skipped, an axis would fall.
 const HOLD: u8 = 10;
+/// [`FlowCurves`], where there are any: without them too little would be laid.
+const CURVES: u8 = 11;
 /// Lowest temperatures at which melt may move: a board without this guard reads the rest.
 const MELT: u8 = MAY_BE_SKIPPED | 7;
 /// A section with this bit may be left alone by a board that does not know it.
@@ -170,9 +173,12 @@ impl BoardSettings {
         let mut record = Record::new();
         let too_long = |_| refusal(SettingsProblem::Section, 0);
         record.push(SETTINGS_VERSION).map_err(too_long)?;
-        section(&mut record, MACHINE, &self.machine.without_motors())?;
+        section(&mut record, MACHINE, &self.machine.plain())?;
         if !self.machine.motors.is_direct() {
             section(&mut record, MOTORS, &self.machine.motors)?;
+        }
+        if !self.machine.curves.is_none() {
+            section(&mut record, CURVES, &self.machine.curves)?;
         }
         section(&mut record, SWITCHES, &self.switches)?;
         if self.switches.marks != 0 {
@@ -225,6 +231,7 @@ impl BoardSettings {
         let mut heaters: Option<HeatConfiguration> = None;
         let (mut drivers, mut wiring, mut board, mut melt) = (None, None, None, None);
         let mut motors: Option<MotorMatrix> = None;
+        let mut curves: Option<FlowCurves> = None;
         let (mut marks, mut hold): (Option<u8>, Option<u8>) = (None, None);
         // Each round takes at least a head off a bounded record.
         while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
@@ -239,6 +246,7 @@ impl BoardSettings {
                 WIRING => once(&mut wiring, content, wrong)?,
                 BOARD => once(&mut board, content, wrong)?,
                 MOTORS => once(&mut motors, content, wrong)?,
+                CURVES => once(&mut curves, content, wrong)?,
                 MARKS => once(&mut marks, content, wrong)?,
                 HOLD => once(&mut hold, content, wrong)?,
                 MELT => once(&mut melt, content, wrong)?,
@@ -253,6 +261,7 @@ impl BoardSettings {
         let mut machine: MachineConfiguration =
             machine.ok_or(refusal(SettingsProblem::Section, MACHINE.into()))?;
         machine.motors = motors.unwrap_or_default();
+        machine.curves = curves.unwrap_or_default();
         if let (Some(heaters), Some(melt)) = (&mut heaters, melt) {
             set_melt(heaters, &melt);
         }
@@ -344,7 +353,7 @@ fn of_machine(error: ConfigurationError, machine: &MachineConfiguration) -> Sett
         ConfigurationError::TickRates => refusal(SettingsProblem::Joints, 0),
         ConfigurationError::Joint(joint) => {
             let of_joint = machine.joints.get(joint).and_then(|joint| joint.wrong());
-            let wrong = of_joint.or_else(|| machine.extruder.wrong());
+            let wrong = of_joint.or_else(|| machine.wrong_extruder());
             with_number(refusal(SettingsProblem::Joint, joint), wrong)
         }
         ConfigurationError::Shaper(joint) => {

@@ -142,7 +142,7 @@ pub fn steps_to_position(steps: f32) -> i64 {
 }
 
 /// Bits that a [`Target`] has less than a position.
-const TARGET_SHIFT: u32 = 9;
+pub(crate) const TARGET_SHIFT: u32 = 9;
 /// Fraction bits of a target: 2^-22 step.
 const TARGET_FRACTION_BITS: u32 = POSITION_FRACTION_BITS - TARGET_SHIFT;
 

@@ -2,7 +2,8 @@
 //!
 //! In: spans of a stream in order, and the events that begin in each (servo ticks). Out: its largest rate and
 //! acceleration, as ratios to the planned share. With the advance centred on the motion, e' at t is V'(t - W/2) +
-//! K/W (V'(t) - V'(t - W)) + events(t - W/2), K the advance and W its window.
+//! K/W (V'(t) - V'(t - W)) + events(t - W/2), K the advance (its largest, where it is a curve) and W its window; the flow
+//! without the events is what is to arrive, of which the motor is asked for more.
 
 use crate::settings::Settings;
 use headway_firmware::path::spline::Span;
@@ -32,6 +33,7 @@ impl ExtruderUse {
     pub fn add(&mut self, span: &Span, events: &[FlowEvent], settings: &Settings) {
         let (extruder, servo_hz) = (&settings.machine.extruder, settings.machine.servo_hz);
         let share = settings.plan_share;
+        let asked = settings.machine.curves.asked();
         let limits = [extruder.speed_max_mm3_s, extruder.acceleration_max_mm3_s2];
         let window = (window_ticks(extruder, servo_hz) * LOOKS_PER_TICK) as usize;
         let delay_ticks = advance_centre_ticks(extruder, servo_hz);
@@ -54,9 +56,11 @@ impl ExtruderUse {
             self.deposit.pop_front();
             let at = self.ticks + local - f64::from(delay_ticks);
             let event = self.events_at(at, servo_hz, &span.units);
+            let flow: [f64; 2] = std::array::from_fn(|k| middle[k] + gain * (now[k] - before[k]));
+            let [rate, slope] = asked.at(flow[0].max(0.0));
+            let of_motor = [rate + flow[0].min(0.0), slope * flow[1]];
             for (derivative, most) in self.ratios.iter_mut().enumerate() {
-                let advance = gain * (now[derivative] - before[derivative]);
-                let value = middle[derivative] + advance + event[derivative];
+                let value = of_motor[derivative] + event[derivative];
                 let ratio = value.abs() / (limits[derivative] * share);
                 // A value that is not a number must not pass.
                 if ratio > *most || ratio.is_nan() {

@@ -4,6 +4,7 @@ mod board_lines;
 pub mod device_check;
 pub mod dry_run;
 pub mod evenness;
+mod extruder_losses;
 mod extruder_use;
 pub mod heat_owner;
 pub mod host_clock;

@@ -16,7 +16,7 @@
 use crate::job::frame_writer::FrameWriter;
 use crate::job::frames::{WireFrames, WireFramesError};
 use crate::job::heat::{HEAT_TEXT, HeatEvent, from_json};
-use crate::job::motors::{MOTORS_TEXT, motors_of_text, motors_text, with_motors_as_text};
+use crate::job::machine_parts::{part_texts, take_parts, with_parts_as_texts};
 use crate::job::transform::PartTransform;
 use crate::job::units::{units_of_texts, units_text};
 use crate::job::{Mark, SegmentStream, StreamFacts};
@@ -126,8 +126,7 @@ impl JobHeader {
             events: stream.events,
             marks: stream.marks,
             figures_json: String::from("{}"),
-            texts: motors_text(&machine.motors)
-                .into_iter()
+            texts: part_texts(machine)
                 .chain(units_text(&stream.units))
                 .collect(),
         }
@@ -217,7 +216,7 @@ pub fn write(
 /// Writes the beginning of a job; returns where its frames begin.
 pub(crate) fn write_header(out: &mut impl Write, header: &JobHeader) -> Result<u64, JobFileError> {
     let mut section = Vec::from((0u32).to_le_bytes());
-    let header = with_motors_as_text(header);
+    let header = with_parts_as_texts(header);
     section =
         postcard::to_extend(&*header, section).map_err(|_| damaged(8, "header", "unwritable"))?;
     let bytes = section.len() as u64 - 4;
@@ -343,9 +342,7 @@ fn parse_header(body: &[u8]) -> Result<JobHeader, JobFileError> {
     let unreadable = || damaged(8, "header", "it cannot be read");
     let mut header: JobHeader = postcard::from_bytes(body).map_err(|_| unreadable())?;
     units_of_texts(&header.texts).ok_or_else(unreadable)?;
-    if let Some(text) = header.texts.get(MOTORS_TEXT) {
-        header.machine.motors = motors_of_text(text).ok_or_else(unreadable)?;
-    }
+    take_parts(&mut header.machine, &header.texts).ok_or_else(unreadable)?;
     Ok(header)
 }
 

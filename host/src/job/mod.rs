@@ -8,7 +8,7 @@ pub mod file;
 mod frame_writer;
 pub mod frames;
 pub mod heat;
-mod motors;
+mod machine_parts;
 pub mod resume;
 pub mod spool;
 mod stream;

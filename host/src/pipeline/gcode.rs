@@ -200,7 +200,7 @@ fn laid_piece(piece: &GcodePiece, progress: &dyn Progress) -> Result<LaidPiece, 
 /// stream grows with its time.
 fn check_time(program: &GcodeProgram, settings: &Settings) -> Result<(), PlanError> {
     let flow_mm3_s = settings.flow_max_mm3_s * settings.plan_share;
-    let push_mm3_s = settings.machine.extruder.speed_max_mm3_s * settings.plan_share;
+    let push_mm3_s = settings.machine.arriving_limits()[0] * settings.plan_share;
     let fastest_mm_s = settings.speed_mm_s * settings.plan_share;
     let mut seconds = 0.0;
     for pass in &program.passes {

@@ -10,6 +10,7 @@ use super::{AXIS_TOLERANCE_MAX_DEG, Settings, TILT_MAX_ASKED_DEG, kinds, wide_be
 use crate::text::refusal::{Refusal, refusal};
 use crate::text::short_number::Short;
 use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
+use headway_firmware::configuration::flow_curves::CurvePoints;
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use std::f64::consts::TAU;
@@ -199,7 +200,8 @@ impl Settings {
 
     fn check_extruder(&self) -> Result<(), Refusal> {
         let e = &self.machine.extruder;
-        ExtruderKeys::check(e)?;
+        ExtruderKeys::check(&self.machine)?;
+        self.check_flow_curves()?;
         rises(
             [
                 "extruder.acceleration_max_mm3_s2",
@@ -207,6 +209,26 @@ impl Settings {
             ],
             [e.acceleration_max_mm3_s2, e.speed_max_mm3_s],
         )
+    }
+
+    fn check_flow_curves(&self) -> Result<(), Refusal> {
+        let curves = &self.machine.curves;
+        let [loss, advance] = curves.wrong();
+        let wrong = |key: &str, points: &CurvePoints, at: usize, must: &str| {
+            let [flow, value] = points.get(at).copied().unwrap_or_default();
+            refusal!(
+                "extruder.{key}: point {}, [{flow}, {value}]: {must}",
+                at + 1
+            )
+        };
+        if let Some(at) = loss {
+            let must = "flows must rise from above 0, shares lie from -0.5 to 0.9, and of more flow more must arrive";
+            return Err(wrong("flow_loss", &curves.loss, at, must));
+        }
+        advance.map_or(Ok(()), |at| {
+            let must = "flows must rise from above 0, and seconds lie from 0 to 5";
+            Err(wrong("advance", &curves.advance, at, must))
+        })
     }
 
     fn check_step_rates(&self) -> Result<(), Refusal> {
@@ -373,7 +395,11 @@ impl Settings {
         let push_max_mm3 = self.push_max_mm3();
         in_range("flow.retract_mm3", p.retract_mm3, 0.0, push_max_mm3)?;
         in_range("flow.prime_mm3", p.prime_mm3, 0.0, push_max_mm3)?;
-        let limit = self.machine.extruder.speed_max_mm3_s * self.plan_share;
+        let less_losses = match self.machine.curves.loss.is_empty() {
+            true => "",
+            false => ", less what extruder.flow_loss takes",
+        };
+        let limit = self.machine.arriving_limits()[0] * self.plan_share;
         for (key, value) in [
             ("flow.retract_rate_mm3_s", p.retract_rate_mm3_s),
             ("flow.prime_rate_mm3_s", p.prime_rate_mm3_s),
@@ -381,7 +407,7 @@ impl Settings {
         ] {
             if value > limit {
                 return Err(refusal!(
-                    "{key} is {}, more than the {} of extruder.speed_max_mm3_s times plan_share",
+                    "{key} is {}, more than the {} of extruder.speed_max_mm3_s times plan_share{less_losses}",
                     Short(value),
                     Short(limit)
                 ));

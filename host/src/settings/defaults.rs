@@ -10,6 +10,7 @@ use super::{
 };
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::drivers::DriversConfiguration;
+use headway_firmware::configuration::flow_curves::FlowCurves;
 use headway_firmware::configuration::motors::{MotorMatrix, MotorPair};
 use headway_firmware::configuration::shaping::UNSHAPED;
 use headway_firmware::configuration::wiring::Wiring;
@@ -239,5 +240,6 @@ fn machine(kinematics: Kinematics, joints: &[JointConfiguration]) -> MachineConf
         servo_hz: 2000,
         step_hz: 200_000,
         motors: MotorMatrix::DIRECT,
+        curves: FlowCurves::NONE,
     }
 }

@@ -7,7 +7,7 @@
 use super::heat::{Material, PAUSE_HEAT_MAX_MIN_MOST};
 use super::keys::{
     ApertureWords, Asked, AskedSwitch, Count, CountFromTwo, Degrees, Form, Known, KnownCount,
-    Milliradians, Named, Plain, Range, Required, Switch, Words, keys,
+    Milliradians, Named, Plain, Points, Range, Required, Switch, Words, keys,
 };
 use super::probe::ProbeSettings;
 use super::pump::{PumpKind, PumpOutput};
@@ -15,7 +15,7 @@ use super::wide_beads::{LAYER_TIME_MAX_S, RATIO_RANGE};
 use super::{HeadingLaw, Infill, LAYERS_MAX, PassMode, Quality, SeamPlace, Settings};
 use crate::text::refusal::Refusal;
 use Range::{Above0, Any, Within};
-use headway_firmware::configuration::ExtruderConfiguration;
+use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::control::DECIDEGREES_MAX;
 
 /// Of the tip, mm/s: up to that of a nozzle half a metre wide that moves by its width as fast as the smallest do.
@@ -130,12 +130,16 @@ keys! {
 
 keys! {
     /// Steps count deposited volume. e = V + K dV/dt.
-    ExtruderKeys of ExtruderConfiguration, "extruder" {
-        steps_per_mm3: Required<Plain> = steps_per_mm3, Above0(STEPS_RANGE);
-        speed_max_mm3_s: Required<Plain> = speed_max_mm3_s, Above0(MELT_SPEED_RANGE);
-        acceleration_max_mm3_s2: Required<Plain> = acceleration_max_mm3_s2, Above0(MELT_ACCELERATION_RANGE);
-        pressure_advance_s: Plain = pressure_advance_s, Within(0.0, 5.0);
-        pressure_advance_window_ms: Plain = pressure_advance_window_ms, Within(1.0, 200.0);
+    ExtruderKeys of MachineConfiguration, "extruder" {
+        steps_per_mm3: Required<Plain> = extruder|steps_per_mm3, Above0(STEPS_RANGE);
+        speed_max_mm3_s: Required<Plain> = extruder|speed_max_mm3_s, Above0(MELT_SPEED_RANGE);
+        acceleration_max_mm3_s2: Required<Plain> = extruder|acceleration_max_mm3_s2, Above0(MELT_ACCELERATION_RANGE);
+        pressure_advance_s: Plain = extruder|pressure_advance_s, Within(0.0, 5.0), when |m| m.curves.advance.is_empty();
+        pressure_advance_window_ms: Plain = extruder|pressure_advance_window_ms, Within(1.0, 200.0);
+        /// [mm3_s, share]: what of the asked flow does not arrive.
+        flow_loss: Points = curves|loss, Any;
+        /// [mm3_s, s]: K by flow, in place of pressure_advance_s.
+        advance: Points = curves|advance, Any;
     }
 }
 

@@ -7,6 +7,7 @@ use super::aperture_text::{aperture_text, parse_aperture};
 use super::check::{in_range, sensible};
 use crate::geometry::aperture::Aperture;
 use crate::text::refusal::{Refusal, refusal};
+use headway_firmware::configuration::flow_curves::{CURVE_POINTS_MAX, CurvePoints};
 use serde::de::DeserializeOwned;
 use std::marker::PhantomData;
 
@@ -94,6 +95,17 @@ form! {
 form! {
     /// Yes, or left out.
     AskedSwitch: bool => bool, Ok, |value, _all| value.then(|| "true".to_string()), |_| None
+}
+form! {
+    /// Points of a curve by flow.
+    Points: Vec<[f32; 2]> => CurvePoints, |given| {
+        CurvePoints::from_slice(&given).map_err(|_| {
+            refusal!("extruder: a curve has {CURVE_POINTS_MAX} points at most, {} are given", given.len())
+        })
+    }, |points, _all| (!points.is_empty()).then(|| {
+        let points: Vec<String> = points.iter().map(|[flow, value]| format!("[{flow}, {value}]")).collect();
+        format!("[{}]", points.join(", "))
+    }), |_| None
 }
 form! {
     /// A text.

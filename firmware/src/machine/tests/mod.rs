@@ -2,6 +2,7 @@
 //! an empty queue, pauses and overrides never leave the path or the limits, faults stop everything.
 //! Method: a small host that obeys credits, a recorder of every step, the f64 spline as oracle.
 use super::*;
+use crate::configuration::flow_curves::FlowCurves;
 use crate::configuration::motors::MotorMatrix;
 use crate::configuration::shaping::UNSHAPED;
 use crate::configuration::{ExtruderConfiguration, JointConfiguration, Kinematics};
@@ -54,6 +55,7 @@ fn planar() -> MachineConfiguration {
         servo_hz: 2000,
         step_hz: 200_000,
         motors: MotorMatrix::DIRECT,
+        curves: FlowCurves::NONE,
     }
 }
 
@@ -474,6 +476,7 @@ mod warp;
 mod advance;
 mod endless;
 mod fault;
+mod flow_curves;
 mod heat;
 mod index;
 mod jog;

@@ -32,6 +32,7 @@ use crate::settings::Settings;
 use controller_time::{ControllerTime, SlowedBy};
 use demands::Demands;
 use dialect::{ArcsWritten, Dialect, Retraction};
+use headway_firmware::configuration::flow_curves::Curve;
 use headway_firmware::kinematics::pose::Pose;
 use headway_protocol::segment::FlowAction;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS};
@@ -99,6 +100,8 @@ pub struct WriteOptions {
     pub height_mm: Option<f64>,
     /// Density of the material, g/cm³, where it is known.
     pub density_g_cm3: Option<f64>,
+    /// What to ask the extruder for so that a flow arrives, mm³/s.
+    pub asked: Curve,
     /// Further lines, by servo ticks: each stands before the first move that begins then or later.
     pub lines: Vec<(u64, String)>,
     /// Kinds of the beads in a slicer's words, each from a servo tick on.
@@ -123,6 +126,7 @@ impl WriteOptions {
             leave_hot: false,
             height_mm: None,
             density_g_cm3: None,
+            asked: Curve::default(),
             lines: Vec::new(),
             types: Vec::new(),
         }
@@ -136,6 +140,7 @@ impl WriteOptions {
             volume_mm3: self.volume_mm3 * coarser.powi(3),
             height_mm: Some(settings.work_area_mm[1][2]),
             density_g_cm3: settings.material.and_then(|of| of.density_g_cm3),
+            asked: settings.machine.curves.asked(),
             ..self
         }
     }

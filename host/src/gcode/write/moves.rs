@@ -72,7 +72,11 @@ impl<W: Write> Writer<'_, W> {
             let seconds = (end.tick - from) as f64 / self.servo_hz;
             let extruded_mm3 = all[end.tick][CHANNEL_VOLUME] - all[from][CHANNEL_VOLUME];
             self.written.volume_mm3 += extruded_mm3;
-            let e_mm = self.e_mm + extruded_mm3 / area_mm2;
+            let asked_mm3 = match extruded_mm3 > 0.0 && seconds > 0.0 {
+                true => self.options.asked.at(extruded_mm3 / seconds)[0] * seconds,
+                false => extruded_mm3,
+            };
+            let e_mm = self.e_mm + asked_mm3 / area_mm2;
             let time_s = (from_tick + end.tick as u64) as f64 / self.servo_hz;
             self.types_until(from_tick + from as u64)?;
             self.line(&all[end.tick], end.arc.as_ref(), e_mm, [seconds, time_s])?;

@@ -67,12 +67,14 @@ pub struct MotionLimits {
     pub flow_max_mm3_s: f64,
     /// |d²V/dt²|, mm³/s².
     pub flow_rate_of_change_max_mm3_s2: f64,
-    /// Extruder rate, mm³/s, pressure advance and events included.
+    /// Extruder rate that arrives, mm³/s, pressure advance and events included.
     pub extruder_speed_max_mm3_s: f64,
     /// Extruder acceleration, mm³/s².
     pub extruder_acceleration_max_mm3_s2: f64,
-    /// K: e = V + K dV/dt.
+    /// K: e = V + K dV/dt; the largest, where it is a curve.
     pub pressure_advance_s: f64,
+    /// Largest change of it with flow, s²/mm³.
+    pub advance_bend_s2_mm3: f64,
     /// Window over which dV/dt is averaged, s, at least a servo tick.
     pub pressure_advance_window_s: f64,
     /// Servo ticks that everything else waits for the advance: half its window.
@@ -92,6 +94,7 @@ impl MotionLimits {
         let share = settings.plan_share;
         let servo_hz = f64::from(machine.servo_hz);
         let extruder = &machine.extruder;
+        let [speed_max_mm3_s, acceleration_max_mm3_s2] = machine.arriving_limits();
         let tip_speed_mm_s = match state {
             MotionState::Travel => settings.travel_speed_mm_s,
             _ => settings.speed_mm_s,
@@ -135,9 +138,13 @@ impl MotionLimits {
             tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2 * share,
             flow_max_mm3_s: settings.flow_max_mm3_s * share,
             flow_rate_of_change_max_mm3_s2: settings.flow_rate_of_change_max_mm3_s2 * share,
-            extruder_speed_max_mm3_s: extruder.speed_max_mm3_s * share,
-            extruder_acceleration_max_mm3_s2: extruder.acceleration_max_mm3_s2 * share,
+            extruder_speed_max_mm3_s: speed_max_mm3_s * share,
+            extruder_acceleration_max_mm3_s2: acceleration_max_mm3_s2 * share,
             pressure_advance_s: extruder.pressure_advance_s,
+            advance_bend_s2_mm3: machine
+                .curves
+                .advance_bounds()
+                .map_or(0.0, |[_, bend]| bend),
             pressure_advance_window_s: (extruder.pressure_advance_window_ms * 1e-3)
                 .max(1.0 / servo_hz),
             advance_delay_ticks: advance_centre_ticks(extruder, machine.servo_hz),
@@ -256,9 +263,16 @@ impl MotionLimits {
     }
 
     /// Largest change of flow, mm³/s²: pressure advance multiplies it by 1 + K/W at its start in the
-    /// window; the end of the window is covered by the check of the finished segments.
+    /// window, and a K that changes with flow adds dK/dq times its square; the end of the window is covered by the
+    /// check of the finished segments.
     pub fn flow_slope_max_mm3_s2(&self) -> f64 {
-        let of_extruder = self.extruder_acceleration_max_mm3_s2 / (1.0 + self.advance_ratio());
+        let (most, times) = (
+            self.extruder_acceleration_max_mm3_s2,
+            1.0 + self.advance_ratio(),
+        );
+        // The root of times x + bend x² = most, written so that no bend is no division by 0.
+        let root = (times * times + 4.0 * self.advance_bend_s2_mm3 * most).sqrt();
+        let of_extruder = 2.0 * most / (times + root);
         self.flow_rate_of_change_max_mm3_s2.min(of_extruder)
     }
 

@@ -253,15 +253,15 @@ impl Head<'_> {
         let push = push?;
         let settings = self.way.settings;
         let volume_mm3 = push.mm3.unwrap_or(own_mm3);
-        let extruder = &settings.machine.extruder;
+        let [speed_max_mm3_s, acceleration_max_mm3_s2] = settings.machine.arriving_limits();
         let share = PUSH_SHARE * settings.plan_share;
-        let most_mm3_s = extruder.speed_max_mm3_s * share;
+        let most_mm3_s = speed_max_mm3_s * share;
         let asked_mm3_s = match push.rate_mm3_s {
             Some(rate_mm3_s) if rate_mm3_s > 0.0 => rate_mm3_s,
             _ if own_rate_mm3_s > 0.0 => own_rate_mm3_s,
             _ => most_mm3_s,
         };
-        let acceleration = extruder.acceleration_max_mm3_s2 * share;
+        let acceleration = acceleration_max_mm3_s2 * share;
         let duration_s = event_duration_s(volume_mm3, asked_mm3_s.min(most_mm3_s), acceleration);
         (volume_mm3 > PUSH_MIN_MM3).then_some((volume_mm3, duration_s))
     }

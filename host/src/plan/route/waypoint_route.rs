@@ -463,7 +463,7 @@ fn add_flow(curves: &mut [PathCurve], start_mm3: f64, settings: &Settings) {
 fn pushes(asked: &PassAsked, usual: PrimeRetract, settings: &Settings) -> PrimeRetract {
     let own = asked.prime_retract.unwrap_or(usual);
     let [prime_mm3, retract_mm3] = asked.pushes_mm3;
-    let most_mm3_s = settings.machine.extruder.speed_max_mm3_s * PUSH_SHARE * settings.plan_share;
+    let most_mm3_s = settings.machine.arriving_limits()[0] * PUSH_SHARE * settings.plan_share;
     let rate_mm3_s = |asked: Option<f64>, own_mm3_s: f64| match asked {
         Some(_) if own_mm3_s <= 0.0 => most_mm3_s,
         _ => own_mm3_s,

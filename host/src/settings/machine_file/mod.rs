@@ -21,6 +21,7 @@ use crate::text::refusal::{Refusal, refusal};
 use head::FileHead;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::board_name::BoardName;
+use headway_firmware::configuration::flow_curves::FlowCurves;
 use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_firmware::configuration::homing::HomingConfiguration;
 use serde::Deserialize;
@@ -205,17 +206,26 @@ impl File {
         let (kinematics, joints) = self.joints()?;
         let motors = self.motors.as_ref();
         let motors = motors.map(|motors| motors.matrix(joint_names(&kinematics), &joints));
-        let mut extruder = default.extruder;
-        self.extruder.set(&mut extruder)?;
-        Ok(MachineConfiguration {
+        let mut machine = MachineConfiguration {
             kinematics,
             shapers: shaper::shapers(&self.shaper, &kinematics)?,
             joints: joints.into_iter().collect(),
-            extruder,
+            extruder: default.extruder,
+            curves: FlowCurves::NONE,
             servo_hz: self.servo_hz.unwrap_or(default.servo_hz),
             step_hz: self.step_hz.unwrap_or(default.step_hz),
             motors: motors.transpose()?.unwrap_or_default(),
-        })
+        };
+        self.extruder.set(&mut machine)?;
+        if let Some([most_s, _]) = machine.curves.advance_bounds() {
+            if self.extruder.pressure_advance_s.is_some() {
+                return Err(refusal!(
+                    "extruder.advance: it takes the place of pressure_advance_s: leave one of them out"
+                ));
+            }
+            machine.extruder.pressure_advance_s = most_s;
+        }
+        Ok(machine)
     }
 
     fn board(&self) -> Result<Option<BoardName>, Refusal> {

@@ -133,7 +133,7 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
     }
     write_motors(text, machine)?;
     write_shapers(text, machine)?;
-    ExtruderKeys::write(text, &machine.extruder, true);
+    ExtruderKeys::write(text, machine, true);
     s.head
         .as_ref()
         .map_or(Ok(()), |head| write_head(text, head))

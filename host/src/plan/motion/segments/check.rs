@@ -489,6 +489,8 @@ fn extruder_ratios(
     let (mid_rate, mid_slope) = at(tick.checked_sub(delay_ticks));
     let mut speed = mid_rate + advance * (rate - old_rate);
     let mut acceleration = mid_slope + advance * (slope - old_slope);
+    let change = (rate - old_rate) / limits.pressure_advance_window_s;
+    acceleration += limits.advance_bend_s2_mm3 * change * change * acceleration.signum();
     for event in events {
         let (rate, slope) = event.rates_at(tick as f64 - delay_ticks as f64);
         speed += rate * limits.servo_hz;
