@@ -38,7 +38,7 @@ impl TickCurve {
         let mut integers = Self::straight(0.0);
         let [x, y] = steps;
         let in_x = x * f64::from(1 << X_BITS);
-        for (k, piece) in curve.pieces.iter().enumerate() {
+        for (k, piece) in curve.pieces.iter().enumerate().take(PIECES_MAX) {
             let (slope, value) = (piece.slope - less, piece.value - less * piece.from);
             let bend = piece.bend * y / (x * x) * f64::from(1 << (SLOPE_BITS - X_BITS));
             // Conversions saturate: what begins beyond the integers is never reached.
