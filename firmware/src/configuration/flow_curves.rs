@@ -55,18 +55,18 @@ pub struct Curve {
 impl Curve {
     /// Straight from the origin through the points.
     fn through(points: impl Iterator<Item = [f64; 2]>) -> Self {
-        let pieces = points.scan([0.0; 2], |start, end| {
-            let [from, value] = core::mem::replace(start, end);
-            Some(Piece {
+        let (mut curve, mut start) = (Self::default(), [0.0; 2]);
+        for end in points {
+            let [from, value] = core::mem::replace(&mut start, end);
+            // As many as there are points; collecting could panic.
+            let _ = curve.pieces.push(Piece {
                 from,
                 value,
                 slope: (end[1] - value) / (end[0] - from),
                 bend: 0.0,
-            })
-        });
-        Self {
-            pieces: pieces.collect(),
+            });
         }
+        curve
     }
 
     /// Value and slope at `x`; below 0 the first piece goes on.
