@@ -9,6 +9,7 @@
 //! [`Pattern::at_mm`]. Not covered: files, and values that no line shows (homing, temperatures).
 
 mod error;
+mod flow_curve;
 mod line;
 mod patterns;
 mod ringing;
@@ -16,6 +17,7 @@ mod sweep;
 mod verniers;
 
 pub use error::CalibrationError;
+pub use flow_curve::{CurvePoint, FlowFit, Weight, fitted};
 pub use line::Line;
 pub use sweep::{RISE_HZ_S, Shaken, Sweep};
 
@@ -37,6 +39,8 @@ pub enum PatternKind {
     Nozzle,
     /// Length from the tip to where the axes of a tilting head cross.
     Pivot,
+    /// Share of the flow that does not arrive, by rate.
+    Flow,
     /// Pressure advance.
     Advance,
     /// Volume of the prime before a pass.
@@ -55,6 +59,7 @@ impl PatternKind {
             PatternKind::Heading => "heading",
             PatternKind::Nozzle => "nozzle",
             PatternKind::Pivot => "pivot",
+            PatternKind::Flow => "flow",
             PatternKind::Advance => "advance",
             PatternKind::Prime => "prime",
             PatternKind::Retract => "retract",
@@ -138,6 +143,7 @@ pub fn pattern(
         PatternKind::Heading => patterns::heading(asked, settings),
         PatternKind::Nozzle => verniers::nozzle(asked, settings),
         PatternKind::Pivot => verniers::pivot(asked, settings),
+        PatternKind::Flow => flow_curve::slugs(asked, settings),
         PatternKind::Advance => patterns::advance(asked, settings),
         PatternKind::Prime => patterns::prime(asked, settings),
         PatternKind::Retract => patterns::retract(asked, settings),

@@ -5,6 +5,7 @@ use crate::cli::args::SettingsArgs;
 use crate::cli::args::allow::AllowArgs;
 use crate::cli::args::output_path::OutputPath;
 use clap::{Args, ValueEnum, ValueHint};
+use std::path::PathBuf;
 
 /// `headway calibrate`.
 #[derive(Debug, Args)]
@@ -13,6 +14,7 @@ Examples:
   headway calibrate steps -m my-printer.toml
   headway calibrate heading -m my-printer.toml --from -20 --to 20 --lines 9 -o fan.hwj
   headway calibrate advance -m my-printer.toml --to 0.1 -o advance.hwj
+  headway calibrate flow -m my-printer.toml --weights weights.csv --write my-printer.toml
   headway calibrate resonance -m my-printer.toml --from 20 --to 70 -o shake.hwj
 
 What each is for and how it is read: docs/guide/calibration.md")]
@@ -49,6 +51,12 @@ pub(crate) struct CalibrateArgs {
     pub settings: SettingsArgs,
     #[command(flatten)]
     pub allow: AllowArgs,
+    /// What the slugs of `flow` weighed, columns `mm3_s` and `g`: fits `flow_loss` in place of a job.
+    #[arg(long, value_name = "FILE.csv", value_hint = ValueHint::FilePath, conflicts_with_all = ["output", "from", "to", "lines", "at"])]
+    pub weights: Option<PathBuf>,
+    /// Put `flow_loss` into this machine file, which is kept beside it as NAME.before.
+    #[arg(long, value_name = "MACHINE.toml", value_hint = ValueHint::FilePath, requires = "weights")]
+    pub write: Option<PathBuf>,
     /// The lines with positions and values, as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -64,6 +72,8 @@ pub(crate) enum PatternName {
     Nozzle,
     /// Pivot length of a head that tilts: lines in halves that are tilted to either side.
     Pivot,
+    /// Share of the flow that does not arrive: slugs at several rates, to be weighed.
+    Flow,
     /// Pressure advance: lines with slow, fast and slow parts; a job for each value.
     Advance,
     /// Volume of a prime: lines that begin with increasing volumes.
@@ -85,6 +95,7 @@ impl PatternName {
             PatternName::Heading => PatternKind::Heading,
             PatternName::Nozzle => PatternKind::Nozzle,
             PatternName::Pivot => PatternKind::Pivot,
+            PatternName::Flow => PatternKind::Flow,
             PatternName::Advance => PatternKind::Advance,
             PatternName::Prime => PatternKind::Prime,
             PatternName::Retract => PatternKind::Retract,

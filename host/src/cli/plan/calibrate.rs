@@ -5,14 +5,15 @@
 //! its machine file, and a table of lines with their values, in pattern coordinates.
 
 use crate::calibration::{
-    Asked, CalibrationError, Line, Pattern, PatternJob, RISE_HZ_S, Sweep, pattern, resonance,
+    Asked, CalibrationError, Line, Pattern, PatternJob, PatternKind, RISE_HZ_S, Sweep, pattern,
+    resonance,
 };
 use crate::cli::args::allow::AllowArgs;
 use crate::cli::args::calibrate::CalibrateArgs;
 use crate::cli::args::output_path::OutputPath;
 use crate::cli::error::CliError;
-use crate::cli::plan::planned;
 use crate::cli::plan::write_job;
+use crate::cli::plan::{flow_curve, planned};
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::OutputFile;
@@ -47,6 +48,14 @@ pub(crate) fn run(args: &CalibrateArgs, console: &Console) -> Result<(), CliErro
         return Err(CliError::Usage(format!(
             "{option} goes with outlines: a pattern is printed unchanged"
         )));
+    }
+    if let Some(file) = &args.weights {
+        if args.pattern.kind() != Some(PatternKind::Flow) {
+            return Err(CliError::Usage(
+                "--weights goes with the pattern `flow`".to_string(),
+            ));
+        }
+        return flow_curve::run(file, &settings, args, console);
     }
     let asked = Asked {
         length_mm: args.length,
@@ -160,7 +169,7 @@ fn shaken_text(swept: &Sweep, file: &str, read: &[String], change: &str) -> Stri
     text + &format!("change: {change}\n")
 }
 
-fn pattern_error(error: CalibrationError) -> CliError {
+pub(super) fn pattern_error(error: CalibrationError) -> CliError {
     match error {
         CalibrationError::Usage(refused) => CliError::Usage(refused.to_string()),
         CalibrationError::Machine(refused) => CliError::Job(refused.to_string()),

@@ -1,6 +1,7 @@
 //! `headway plan`: input -> job file and figures.
 
 pub(crate) mod calibrate;
+mod flow_curve;
 pub(crate) mod headings;
 pub(crate) mod missing_heat;
 pub(crate) mod piece_cache;

@@ -28,6 +28,7 @@ use serde::Deserialize;
 
 mod axes;
 mod drivers;
+pub mod edit;
 mod gcode;
 mod head;
 mod heat;
