@@ -135,6 +135,41 @@ pub fn fitted(weights: &[Weight], settings: &Settings) -> Result<FlowFit, Calibr
     let density = settings.material.and_then(|material| material.density_g_cm3).ok_or_else(|| {
         machine!("weights need the material's density: write density_g_cm3 under [material] of the machine file")
     })?;
+    let [least, greatest] = checked_rates(weights)?;
+    // Of the flow that is asked for, what arrives.
+    let row = |weight: &Weight| Row {
+        x: weight.mm3_s / greatest,
+        y: weight.g / (density * 1e-3 * pushed_mm3(weight.mm3_s, settings)),
+    };
+    let rows: Vec<Row> = weights.iter().map(row).collect();
+    let none = || usage!("the weights fit no curve: are rates and weights in the right columns?");
+    let (curve, deviation, fits) = fit_kept(&rows).ok_or_else(none)?;
+    let points = (0..CURVE_POINTS_MAX).map(|k| {
+        let part = k as f64 / (CURVE_POINTS_MAX - 1) as f64;
+        let mm3_s = least + (greatest - least) * part;
+        let terms = powers(mm3_s / greatest);
+        let variance = (curve.inverse * terms).dot(&terms);
+        CurvePoint {
+            mm3_s,
+            share: 1.0 - curve.at(mm3_s / greatest),
+            error: deviation * variance.max(0.0).sqrt(),
+        }
+    });
+    let off = weights
+        .iter()
+        .zip(&rows)
+        .zip(&fits)
+        .filter(|(_, fits)| !**fits);
+    let off = off.map(|((weight, row), _)| (*weight, row.y - curve.at(row.x)));
+    Ok(FlowFit {
+        points: points.collect(),
+        doubted: off.collect(),
+        deviation,
+    })
+}
+
+/// The least and the greatest rate of rows that can be fitted, mm³/s.
+fn checked_rates(weights: &[Weight]) -> Result<[f64; 2], CalibrationError> {
     if !ROWS.contains(&weights.len()) {
         let (least, most) = (ROWS.start(), ROWS.end());
         return Err(usage!(
@@ -168,54 +203,25 @@ pub fn fitted(weights: &[Weight], settings: &Settings) -> Result<FlowFit, Calibr
             "rates from {least} to {greatest} mm³/s are too near to each other: weigh slugs at half of it too"
         ));
     }
-    // Of the flow that is asked for, what arrives.
-    let row = |weight: &Weight| Row {
-        x: weight.mm3_s / greatest,
-        y: weight.g / (density * 1e-3 * pushed_mm3(weight.mm3_s, settings)),
-    };
-    let rows: Vec<Row> = weights.iter().map(row).collect();
-    let none = || usage!("the weights fit no curve: are rates and weights in the right columns?");
-    let (mut deviation, mut curve) = least_quantile(&rows).ok_or_else(none)?;
+    Ok([least, greatest])
+}
+
+/// The curve by least squares, its deviation, and which rows it keeps.
+fn fit_kept(rows: &[Row]) -> Option<(Parabola, f64, Vec<bool>)> {
+    let (mut deviation, mut curve) = least_quantile(rows)?;
     let mut fits = vec![true; rows.len()];
     for _ in 0..ROUNDS {
         let limit = DOUBTED * deviation.max(DEVIATION_MIN);
         let off = |row: &Row| (row.y - curve.at(row.x)).abs();
         fits = rows.iter().map(|row| off(row) <= limit).collect();
-        let kept: Vec<Row> = rows
-            .iter()
-            .zip(&fits)
-            .filter(|(_, fits)| **fits)
-            .map(|(row, _)| *row)
-            .collect();
-        curve = Parabola::falling(&kept).ok_or_else(none)?;
-        let squares: f64 = kept
-            .iter()
-            .map(|row| (row.y - curve.at(row.x)).powi(2))
-            .sum();
-        deviation = (squares / kept.len().saturating_sub(TERMS).max(1) as f64).sqrt();
+        let kept = rows.iter().zip(&fits).filter(|(_, fits)| **fits);
+        let kept: Vec<Row> = kept.map(|(row, _)| *row).collect();
+        curve = Parabola::falling(&kept)?;
+        let squares = kept.iter().map(|row| (row.y - curve.at(row.x)).powi(2));
+        let spare = kept.len().saturating_sub(TERMS).max(1) as f64;
+        deviation = (squares.sum::<f64>() / spare).sqrt();
     }
-    let points = (0..CURVE_POINTS_MAX).map(|k| {
-        let part = k as f64 / (CURVE_POINTS_MAX - 1) as f64;
-        let mm3_s = least + (greatest - least) * part;
-        let terms = powers(mm3_s / greatest);
-        let variance = (curve.inverse * terms).dot(&terms);
-        CurvePoint {
-            mm3_s,
-            share: 1.0 - curve.at(mm3_s / greatest),
-            error: deviation * variance.max(0.0).sqrt(),
-        }
-    });
-    let off = weights
-        .iter()
-        .zip(&rows)
-        .zip(&fits)
-        .filter(|(_, fits)| !**fits);
-    let off = off.map(|((weight, row), _)| (*weight, row.y - curve.at(row.x)));
-    Ok(FlowFit {
-        points: points.collect(),
-        doubted: off.collect(),
-        deviation,
-    })
+    Some((curve, deviation, fits))
 }
 
 /// Rate, of the greatest; what arrives, of the flow.
@@ -330,12 +336,13 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     fn settings() -> Settings {
-        let mut settings = Settings::default();
-        settings.material = Some(Material {
-            density_g_cm3: Some(1.24),
-            ..Material::default()
-        });
-        settings
+        Settings {
+            material: Some(Material {
+                density_g_cm3: Some(1.24),
+                ..Material::default()
+            }),
+            ..Settings::default()
+        }
     }
 
     fn weights(share: impl Fn(f64) -> f64, wrong: usize, seed: u64) -> Vec<Weight> {

@@ -52,7 +52,8 @@ pub(crate) struct CalibrateArgs {
     #[command(flatten)]
     pub allow: AllowArgs,
     /// What the slugs of `flow` weighed, columns `mm3_s` and `g`: fits `flow_loss` in place of a job.
-    #[arg(long, value_name = "FILE.csv", value_hint = ValueHint::FilePath, conflicts_with_all = ["output", "from", "to", "lines", "at"])]
+    #[arg(long, value_name = "FILE.csv", value_hint = ValueHint::FilePath)]
+    #[arg(conflicts_with_all = ["output", "from", "to", "lines", "at"])]
     pub weights: Option<PathBuf>,
     /// Put `flow_loss` into this machine file, which is kept beside it as NAME.before.
     #[arg(long, value_name = "MACHINE.toml", value_hint = ValueHint::FilePath, requires = "weights")]

@@ -150,7 +150,9 @@ fn as_json(fit: &FlowFit, value: &str) -> String {
         .points
         .iter()
         .map(|point| json!({ "mm3_s": point.mm3_s, "share": point.share, "error": point.error }));
-    let doubted = fit.doubted.iter().map(|(weight, off)| json!({ "line": weight.line, "mm3_s": weight.mm3_s, "g": weight.g, "off": off }));
+    let doubted = fit.doubted.iter().map(|(weight, off)| {
+        json!({ "line": weight.line, "mm3_s": weight.mm3_s, "g": weight.g, "off": off })
+    });
     let table = json!({
         "pattern": "flow",
         "points": points.collect::<Vec<_>>(),

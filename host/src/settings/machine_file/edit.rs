@@ -90,8 +90,8 @@ mod tests {
     //! lines, without the group, and laid out otherwise.
     use super::*;
 
-    const FILE: &str = "# mine\nname = \"a\"\n\n[extruder] # geared\nsteps_per_mm3 = 400 # measured\nflow_loss = [\n  [1, 0.1], # old\n  \
-                        [2, 0.2],\n] # to do\n\n[print]\nspeed_mm_s = 50\n";
+    const FILE: &str = "# mine\nname = \"a\"\n\n[extruder] # geared\nsteps_per_mm3 = 400 # measured\nflow_loss = [\n  \
+                        [1, 0.1], # old\n  [2, 0.2],\n] # to do\n\n[print]\nspeed_mm_s = 50\n";
 
     #[test]
     fn one_key_changes_and_comments_stay() {
