@@ -14,7 +14,8 @@ pub mod sender;
 pub mod settings;
 pub mod target;
 
-use headway::input::{self, Format, InputError, ReadOptions};
+use headway::text::refusal::Refusal;
+use headway::input::{self, Format, ReadOptions};
 
 /// Reads `bytes` as an input. What is taken must be an outline, or a path, of finite numbers.
 pub fn read_input(bytes: &[u8], format: Format) {
@@ -33,6 +34,6 @@ pub fn read_input(bytes: &[u8], format: Format) {
 }
 
 /// Messages are made of what was read: they must not fail either.
-fn error_text(error: &InputError) -> String {
+fn error_text(error: &Refusal) -> String {
     error.to_string()
 }

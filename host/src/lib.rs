@@ -35,7 +35,7 @@ pub mod plan;
 pub mod programs;
 pub mod report;
 pub mod settings;
-mod text;
+pub mod text;
 
 pub use headway_geometry as geometry;
 pub use headway_reach as reach;

@@ -222,10 +222,7 @@ fn format_of(ending: &str, bytes: &[u8]) -> Result<Format, Error> {
     })?;
     let (bytes, bytes_max) = (bytes.len() as u64, format.bytes_max());
     match bytes > bytes_max {
-        true => Err(part_error(input::InputError::FileTooLarge {
-            bytes,
-            bytes_max,
-        })),
+        true => Err(part_error(input::error::file_too_large(bytes, bytes_max))),
         false => Ok(format),
     }
 }

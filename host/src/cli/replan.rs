@@ -17,12 +17,13 @@ use crate::gcode::write::file_time::file_time_s;
 use crate::gcode::write::limits::AxisLimits;
 use crate::gcode::write::read_back::check_start;
 use crate::gcode::write::{JobText, WriteError, WriteOptions, filament_mm2, write_gcode};
-use crate::gcode::{GCODE_BYTES_MAX, GcodeError, GcodeOptions, GcodeProgram, read};
+use crate::gcode::{GCODE_BYTES_MAX, GcodeOptions, GcodeProgram, read};
 use crate::pipeline::packing::JobPacking;
 use crate::pipeline::planned::Planned;
 use crate::pipeline::replan::{Replanned, replan};
 use crate::report::verdict::duration;
 use crate::settings::Settings;
+use crate::text::refusal::Refusal;
 use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
@@ -127,7 +128,7 @@ fn text_of(planned: &Planned) -> JobText<'_> {
 impl Sliced {
     /// The file; a job has its beads and temperatures before the first layer too.
     fn read(args: &ReplanArgs, is_job: bool, settings: &Settings) -> Result<Sliced, CliError> {
-        let named = |error: GcodeError| CliError::Job(format!("{}: {error}", args.input.display()));
+        let named = |error: Refusal| CliError::Job(format!("{}: {error}", args.input.display()));
         let bytes = load::read_bounded(&args.input, GCODE_BYTES_MAX)?;
         let name = std::env::var(OUTPUT_NAME).ok().filter(|_| args.in_place);
         let name = job::stem(name.as_deref().map_or(args.input.as_path(), Path::new));

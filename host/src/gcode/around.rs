@@ -4,12 +4,11 @@
 //! In: the text and its program. Out: [`Around`]: blocks as [`super::write`] takes them, with the state of the extruder that
 //! they need, and the program without the beads of the start block. What a plan says itself is left out: times, filament,
 //! progress, limits of the controller's axes.
-
-use super::error::GcodeError;
 use super::extrusion::Taken;
 use super::words::{lines, number_in};
 use super::{BeadKind, GcodeOptions, GcodeProgram, HeatPlace, PlacedOrder, interpreter};
 use crate::gcode::flavour::declared;
+use crate::text::refusal::{Refusal, refusal};
 
 /// Comments that say anew what the plan has changed, and codes of progress.
 const SAID_ANEW: [&str; 9] = [
@@ -54,8 +53,8 @@ pub struct Around {
 /// Takes the blocks of a text and leaves the rest in its program.
 ///
 /// # Errors
-/// [`GcodeError::Cut`] where nothing follows the last bead.
-pub fn around(text: &str, program: &mut GcodeProgram) -> Result<Around, GcodeError> {
+/// [`Refusal`] where nothing follows the last bead.
+pub fn around(text: &str, program: &mut GcodeProgram) -> Result<Around, Refusal> {
     let lines: Vec<String> = lines(text).map(str::to_string).collect();
     let legs = || program.passes.iter().flat_map(|pass| &pass.legs);
     let last = legs().map(|leg| leg.line).max().unwrap_or(0);
@@ -135,7 +134,7 @@ fn is_layer_mark(line: &str) -> bool {
 }
 
 /// Refuses a file that ends with a bead: its slicer's end has commands.
-fn check_end(lines: &[String], last: usize) -> Result<(), GcodeError> {
+fn check_end(lines: &[String], last: usize) -> Result<(), Refusal> {
     let is_command = |line: &String| {
         let line = line.trim_start();
         let is_move = ["G0", "G1", "G2", "G3"]
@@ -145,7 +144,10 @@ fn check_end(lines: &[String], last: usize) -> Result<(), GcodeError> {
     };
     match lines[last..].iter().any(is_command) {
         true => Ok(()),
-        false => Err(GcodeError::Cut { line: last }),
+        false => Err(refusal!(
+            "line {last}: the file ends with a bead, and no line of its slicer's end follows: \
+             it was cut short; slice it again"
+        )),
     }
 }
 
@@ -176,7 +178,7 @@ fn extruder_at(lines: &[String]) -> String {
 }
 
 /// What a text leaves retracted.
-fn retracted_mm(text: &str) -> Result<f64, GcodeError> {
+fn retracted_mm(text: &str) -> Result<f64, Refusal> {
     let declared = declared(text);
     let taken = Taken {
         relative: declared.e_relative.unwrap_or(false),

@@ -3,8 +3,8 @@
 //! In: start and end in the plane of the arc, centre or radius, mm; out: points between them, the end
 //! last, no chord farther than [`CHORD_MM`] from the curve. Turns (P) and helices go through evenly.
 //! Source: RS274/NGC 3, sections 3.5.3 and 3.8; G5 as Marlin and LinuxCNC have it.
-
-use super::error::GcodeError;
+use crate::gcode::error;
+use crate::text::refusal::Refusal;
 use std::f64::consts::{PI, TAU};
 
 /// How far a chord may be from the curve, mm.
@@ -34,15 +34,15 @@ pub struct ArcWords {
 /// Shares of the way and places of the chords' ends; the last is the end itself.
 ///
 /// # Errors
-/// [`GcodeError::Arc`]; [`GcodeError::TooFine`] where they are more than `chords_max`, before any is made.
+/// [`Refusal`] of what is no arc, and where the chords are more than `chords_max`, before any is made.
 pub fn arc_chords(
     from: [f64; 2],
     to: [f64; 2],
     words: &ArcWords,
     chords_max: usize,
     line: usize,
-) -> Result<Vec<[f64; 2]>, GcodeError> {
-    let bad = |problem: String| GcodeError::Arc { line, problem };
+) -> Result<Vec<[f64; 2]>, Refusal> {
+    let bad = |problem: String| error::arc(line, &problem);
     let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
     let offset = match (words.centre_mm, words.radius_mm) {
         (Some(offset), _) => offset,
@@ -93,7 +93,7 @@ pub fn arc_chords(
     }
     let count = count as usize;
     if count > chords_max {
-        return Err(GcodeError::TooFine { line });
+        return Err(error::too_fine(line));
     }
     let places = (1..=count).map(|k| {
         if k == count {

@@ -21,7 +21,8 @@ pub mod passes;
 pub mod words;
 pub mod write;
 
-pub use error::GcodeError;
+use crate::text::refusal::{Refusal, refusal};
+use crate::text::short_number::Short;
 
 use crate::job::heat::HeatOrder;
 use axes::FileAxes;
@@ -287,10 +288,12 @@ impl GcodeProgram {
 /// Reads a file. `name` is used for headers.
 ///
 /// # Errors
-/// [`GcodeError`], the first that is found.
-pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodeProgram, GcodeError> {
+/// [`Refusal`], the first that is found.
+pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodeProgram, Refusal> {
     if bytes.starts_with(b"GCDE") {
-        return Err(GcodeError::Binary);
+        return Err(refusal!(
+            "it is binary G-code: switch \"binary G-code\" off in the slicer and export again"
+        ));
     }
     // Comments may be in any 8-bit encoding; editors and old systems end files with NUL or Ctrl-Z.
     let text = String::from_utf8_lossy(bytes);
@@ -305,7 +308,11 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
     let filament_mm = filament_mm(&steps, options)?;
     let (mut passes, heat, left, left_out) = passes::passes(&steps, filament_mm)?;
     if passes.is_empty() {
-        return Err(GcodeError::NothingPrinted { lines: steps.lines });
+        return Err(refusal!(
+            "nothing is printed: no move in the plane extrudes (E rises) in {lines} lines; is \
+             this the sliced file, with its extrusion?",
+            lines = steps.lines
+        ));
     }
     check_beads(&passes)?;
     if options.scale != 1.0 {
@@ -335,7 +342,7 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
 }
 
 /// Reads the lines as firmwares begin, and anew where that is not how E is meant.
-fn steps_of(text: &str, options: &GcodeOptions) -> Result<(Steps, Taken), GcodeError> {
+fn steps_of(text: &str, options: &GcodeOptions) -> Result<(Steps, Taken), Refusal> {
     let declared = flavour::declared(text);
     let is_said = declared.e_relative.is_some();
     let as_said = Taken {
@@ -374,16 +381,13 @@ impl GcodePass {
     }
 }
 
-fn filament_mm(steps: &Steps, options: &GcodeOptions) -> Result<f64, GcodeError> {
+fn filament_mm(steps: &Steps, options: &GcodeOptions) -> Result<f64, Refusal> {
     let said = options.filament_mm.or(steps.comments.filament_mm);
     let diameter_mm = said.unwrap_or(FILAMENT_DEFAULT_MM);
     if (FILAMENT_MM[0]..=FILAMENT_MM[1]).contains(&diameter_mm) {
         Ok(diameter_mm)
     } else {
-        Err(GcodeError::Filament {
-            line: 0,
-            diameter_mm,
-        })
+        Err(error::filament(0, diameter_mm))
     }
 }
 
@@ -391,17 +395,19 @@ fn filament_mm(steps: &Steps, options: &GcodeOptions) -> Result<f64, GcodeError>
 const DAY_S: f64 = 86_400.0;
 
 /// Beads that no nozzle lays, by the numbers of the file.
-fn check_beads(passes: &[GcodePass]) -> Result<(), GcodeError> {
+fn check_beads(passes: &[GcodePass]) -> Result<(), Refusal> {
     for pass in passes {
         for (pair, leg) in pass.points.windows(2).zip(&pass.legs) {
             let length_mm = pair[1].distance_mm(&pair[0]) + BEAD_MORE_MM;
             let area_mm2 = leg.volume_mm3.unwrap_or(0.0) / length_mm;
             if area_mm2 > BEAD_MAX_MM2 {
-                return Err(GcodeError::Bead {
-                    line: leg.line,
-                    area_mm2,
-                    most_mm2: BEAD_MAX_MM2,
-                });
+                return Err(refusal!(
+                    "line {line}: a bead of {} mm² in cross-section, more than {}: check E \
+                     (M82, M83, G92) and the filament's diameter",
+                    Short(area_mm2),
+                    Short(BEAD_MAX_MM2),
+                    line = leg.line
+                ));
             }
         }
     }
@@ -409,18 +415,19 @@ fn check_beads(passes: &[GcodePass]) -> Result<(), GcodeError> {
 }
 
 /// Beads slower than they can be, and a job of months: a feed in the wrong unit.
-fn check_speed(passes: &[GcodePass]) -> Result<(), GcodeError> {
+fn check_speed(passes: &[GcodePass]) -> Result<(), Refusal> {
     let mut sum_s = 0.0;
     for pass in passes {
         for (pair, leg) in pass.points.windows(2).zip(&pass.legs) {
             let (line, speed_mm_s) = (leg.line, leg.speed_mm_s);
             let seconds = pair[1].distance_mm(&pair[0]) / speed_mm_s;
             if speed_mm_s < SPEED_MIN_MM_S && seconds > SLOW_S_MAX {
-                return Err(GcodeError::Slow {
-                    line,
-                    speed_mm_s,
-                    seconds,
-                });
+                return Err(refusal!(
+                    "line {line}: it prints at {} mm/s for {} s, slower than 0.1 mm/s: check F, \
+                     which is mm/min, and the modes (G93, G94)",
+                    Short(speed_mm_s),
+                    Short(seconds)
+                ));
             }
             sum_s += seconds;
             check_days(sum_s, line)?;
@@ -430,30 +437,27 @@ fn check_speed(passes: &[GcodePass]) -> Result<(), GcodeError> {
 }
 
 /// The time of a job so far.
-pub(crate) fn check_days(seconds: f64, line: usize) -> Result<(), GcodeError> {
+pub(crate) fn check_days(seconds: f64, line: usize) -> Result<(), Refusal> {
     let days = seconds / DAY_S;
     match days > DAYS_MAX {
-        true => Err(GcodeError::Long {
-            line,
-            days,
-            most_days: DAYS_MAX,
-        }),
+        true => Err(refusal!(
+            "line {line}: up to here the job takes {} days, more than {}: check F, which is \
+             mm/min, E and the flow that the machine allows (flow_max_mm3_s)",
+            Short(days),
+            Short(DAYS_MAX)
+        )),
         false => Ok(()),
     }
 }
 
 /// Poses have tilts up to a bound.
-fn check_tilt(passes: &[GcodePass]) -> Result<(), GcodeError> {
+fn check_tilt(passes: &[GcodePass]) -> Result<(), Refusal> {
     for pass in passes {
         let lines = pass.legs.iter().map(|leg| leg.line);
         for (place, line) in pass.points.iter().skip(1).zip(lines) {
             let tilt_rad = place.axis_and_heading().0.z.clamp(-1.0, 1.0).acos();
             if tilt_rad > TILT_MAX_RAD + TILT_ROUNDING_RAD {
-                return Err(GcodeError::Tilt {
-                    line,
-                    tilt_deg: tilt_rad.to_degrees(),
-                    max_deg: TILT_MAX_RAD.to_degrees(),
-                });
+                return Err(error::too_tilted(line, tilt_rad));
             }
         }
     }

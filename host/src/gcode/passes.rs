@@ -6,13 +6,13 @@
 
 mod gap;
 mod heights;
-
-use super::error::GcodeError;
 use super::interpreter::{Firmware, HeatStep, Step, Steps};
 use super::{
     BeadKind, GcodePass, HeatPlace, Leg, PUSH_MAX_MM3, PUSH_MIN_MM3_S, Place, PlacedOrder, Push,
     SLOW_S_MAX,
 };
+use crate::text::refusal::{Refusal, refusal};
+use crate::text::short_number::Short;
 use gap::Gap;
 use heights::add_heights;
 use std::f64::consts::PI;
@@ -101,8 +101,8 @@ type Passes = (
 /// diameter.
 ///
 /// # Errors
-/// [`GcodeError`] for pushes that no extruder makes.
-pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
+/// [`Refusal`] for pushes that no extruder makes.
+pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, Refusal> {
     let area_mm2 = 0.25 * PI * filament_mm * filament_mm;
     let layers_told = steps.hints.iter().any(|hint| hint.layers > 0);
     let mut builder = Builder {
@@ -175,7 +175,7 @@ impl Builder {
         leg: Leg,
         area_mm2: f64,
         told_layer: Option<u32>,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         let to = place_of(&step.to);
         let moved_mm = to.distance_mm(&self.at);
         let turned = (0..3).any(|i| (to.turn_deg[i] - self.at.turn_deg[i]).abs() > STILL_DEG);
@@ -238,7 +238,7 @@ impl Builder {
         mm3: Option<f64>,
         rate_mm3_s: Option<f64>,
         line: usize,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         self.close();
         check_push(mm3, rate_mm3_s, line)?;
         self.outstanding_mm3 += mm3.unwrap_or(0.0);
@@ -261,7 +261,7 @@ impl Builder {
         mm3: Option<f64>,
         rate_mm3_s: Option<f64>,
         line: usize,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         self.close();
         let Some(mm3) = mm3 else {
             self.gap.push(None, None);
@@ -345,16 +345,17 @@ fn place_of(&[x, y, z, a, b, c]: &[f64; 6]) -> Place {
 }
 
 /// Fails for a push or pull that no extruder makes, or none within ten minutes.
-fn check_push(mm3: Option<f64>, rate_mm3_s: Option<f64>, line: usize) -> Result<(), GcodeError> {
+fn check_push(mm3: Option<f64>, rate_mm3_s: Option<f64>, line: usize) -> Result<(), Refusal> {
     let Some(volume_mm3) = mm3 else {
         return Ok(());
     };
     if volume_mm3 > PUSH_MAX_MM3 {
-        return Err(GcodeError::Push {
-            line,
-            volume_mm3,
-            most_mm3: PUSH_MAX_MM3,
-        });
+        return Err(refusal!(
+            "line {line}: {} mm³ are to be pushed or pulled on the spot, more than {}: check E \
+             (M82, M83, G92) and the filament's diameter",
+            Short(volume_mm3),
+            Short(PUSH_MAX_MM3)
+        ));
     }
     let Some(rate_mm3_s) = rate_mm3_s else {
         return Ok(());
@@ -362,11 +363,14 @@ fn check_push(mm3: Option<f64>, rate_mm3_s: Option<f64>, line: usize) -> Result<
     let seconds = volume_mm3 / rate_mm3_s;
     let is_slow = rate_mm3_s < PUSH_MIN_MM3_S && seconds > SLOW_S_MAX;
     match is_slow || seconds > PUSH_S_MAX {
-        true => Err(GcodeError::SlowPush {
-            line,
-            volume_mm3,
-            rate_mm3_s,
-        }),
+        true => Err(refusal!(
+            "line {line}: the extruder alone is to move {} mm³ at {} mm³/s, which takes {} s; \
+             nozzles ooze faster than 0.01 mm³/s: check F, which is mm/min, and the modes (G93, \
+             G94)",
+            Short(volume_mm3),
+            Short(rate_mm3_s),
+            Short(volume_mm3 / rate_mm3_s)
+        )),
         false => Ok(()),
     }
 }

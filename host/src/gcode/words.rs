@@ -10,7 +10,8 @@
 //! which at 200 mm is 15 µm, and `async-gcode` wants an executor; neither knows macros.
 
 use super::LINE_CHARS_MAX;
-use super::error::GcodeError;
+use crate::gcode::error;
+use crate::text::refusal::{Refusal, refusal};
 
 /// Longest number, characters.
 const NUMBER_CHARS_MAX: usize = 32;
@@ -91,8 +92,8 @@ fn comment_start(text: &str) -> usize {
 /// Reads one line.
 ///
 /// # Errors
-/// [`GcodeError`] with the line.
-pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, GcodeError> {
+/// [`Refusal`] with the line.
+pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, Refusal> {
     let code_end = comment_start(text);
     let mut found = Line::default();
     let (code, comment) = text.split_at(code_end);
@@ -113,7 +114,10 @@ pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, GcodeError> {
         return Ok(found);
     }
     if code_end > LINE_CHARS_MAX {
-        return Err(GcodeError::LongLine { line });
+        return Err(refusal!(
+            "line {line} is longer than {LINE_CHARS_MAX} characters: it is no G-code, or lost \
+             its line ends"
+        ));
     }
     let mut rest = self::body(checked(code, line)?);
     if rest.starts_with('%') {
@@ -125,7 +129,9 @@ pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, GcodeError> {
     }
     while let Some(letter) = rest.bytes().next() {
         if letter == b'(' {
-            let end = rest.find(')').ok_or(GcodeError::OpenComment { line })?;
+            let end = rest.find(')').ok_or_else(|| {
+                refusal!("line {line}: the comment that begins with '(' has no ')'")
+            })?;
             found.comments.push(rest[1..end].trim());
             rest = rest[end + 1..].trim_start();
             continue;
@@ -195,11 +201,11 @@ fn program_number(body: &str) -> Option<&str> {
 }
 
 /// A word and what follows it.
-fn word(text: &str, line: usize) -> Result<(Word, &str), GcodeError> {
+fn word(text: &str, line: usize) -> Result<(Word, &str), Refusal> {
     let letter = text.as_bytes()[0].to_ascii_uppercase();
     let after = text[1..].trim_start();
     if after.starts_with(['[', '#', '<', '=']) || letter == b'O' {
-        return Err(GcodeError::Computed { line });
+        return Err(error::computed(line));
     }
     if let Some(quoted) = after.strip_prefix('"') {
         let end = quoted.find('"').ok_or_else(|| no_word(text, line))?;
@@ -209,11 +215,7 @@ fn word(text: &str, line: usize) -> Result<(Word, &str), GcodeError> {
     let is_number = |c: char| c.is_ascii_digit() || matches!(c, '.' | '+' | '-');
     let end = after.find(|c| !is_number(c)).unwrap_or(after.len());
     let (number, rest) = after.split_at(end);
-    let bad = || GcodeError::Number {
-        line,
-        letter: char::from(letter),
-        text: shortened(after),
-    };
+    let bad = || error::number(line, char::from(letter), &shortened(after));
     let value = match number {
         "" => None,
         _ if number.len() > NUMBER_CHARS_MAX => return Err(bad()),
@@ -246,7 +248,7 @@ fn takes_text(word: Word) -> bool {
 }
 
 /// The code without its checksum.
-fn checked(code: &str, line: usize) -> Result<&str, GcodeError> {
+fn checked(code: &str, line: usize) -> Result<&str, Refusal> {
     // The last one: a text before it may have others.
     let behind = code.rfind(')').map_or(0, |close| close + 1);
     let star = code[behind..].rfind('*').map(|star| behind + star);
@@ -257,16 +259,16 @@ fn checked(code: &str, line: usize) -> Result<&str, GcodeError> {
     let found = code.bytes().fold(0, |sum, byte| sum ^ byte);
     match given.trim().parse::<u8>() {
         Ok(given) if given == found => Ok(code),
-        _ => Err(GcodeError::Checksum {
-            line,
-            given: shortened(given),
-            found,
-        }),
+        _ => Err(refusal!(
+            "line {line}: its checksum is {given}, its text makes {found}: the file is damaged, \
+             export it again",
+            given = shortened(given)
+        )),
     }
 }
 
 /// Parameters stand once; codes (G, M) may be several.
-fn twice(words: &[Word], line: usize) -> Result<(), GcodeError> {
+fn twice(words: &[Word], line: usize) -> Result<(), Refusal> {
     let mut seen = 0u32;
     for word in words
         .iter()
@@ -275,23 +277,28 @@ fn twice(words: &[Word], line: usize) -> Result<(), GcodeError> {
         let bit = 1 << (word.letter - b'A');
         if seen & bit != 0 {
             let letter = char::from(word.letter);
-            return Err(GcodeError::Twice { line, letter });
+            return Err(refusal!(
+                "line {line}: {letter} is given twice: divide the line"
+            ));
         }
         seen |= bit;
     }
     Ok(())
 }
 
-fn no_word(text: &str, line: usize) -> GcodeError {
+fn no_word(text: &str, line: usize) -> Refusal {
     if text.starts_with(NOT_TEXT) {
-        return GcodeError::NotText { line };
+        return refusal!(
+            "line {line}: a word has bytes that are no text: save the G-code as plain UTF-8 \
+             text"
+        );
     }
     match text.starts_with(['#', '[', '$']) {
-        true => GcodeError::Computed { line },
-        false => GcodeError::NoWord {
-            line,
-            text: shortened(text),
-        },
+        true => error::computed(line),
+        false => refusal!(
+            "line {line}: '{text}' is no word of a letter and a number",
+            text = shortened(text)
+        ),
     }
 }
 

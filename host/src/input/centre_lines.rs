@@ -4,11 +4,13 @@
 //! within 0.01 mm; closed ones without a repeated point. A line that ends on the middle of another, or where more than
 //! two meet, stays by itself. Not covered: the order of printing and the beads' width, which planning chooses.
 
+use super::ReadOptions;
 use super::dxf::join::contours;
 use super::names::name_of;
 use super::outline::{CLOSED_MM, Drawing, RawRing, scale_and_check};
-use super::{InputError, ReadOptions};
 use crate::geometry::Point2;
+use crate::input::error;
+use crate::text::refusal::Refusal;
 
 /// Lines and notes on how they were read.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +50,7 @@ pub(super) fn of_drawing(
     mut drawing: Drawing,
     name: &str,
     options: &ReadOptions,
-) -> Result<CentreLines, InputError> {
+) -> Result<CentreLines, Refusal> {
     scale_and_check(&mut drawing, options.scale)?;
     let mut notes = std::mem::take(&mut drawing.notes);
     let shapes = drawing.shapes.into_iter();
@@ -68,7 +70,7 @@ pub(super) fn of_drawing(
     }
     if lines.is_empty() {
         let hint = "its lines have no length";
-        return Err(InputError::Empty { hint });
+        return Err(error::empty(hint));
     }
     Ok(CentreLines {
         name: name_of(drawing.name.as_deref(), name, "part"),

@@ -6,9 +6,11 @@
 
 use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};
-use super::{InputError, ReadOptions, Units};
+use super::{ReadOptions, Units};
 use crate::geometry::Point2;
+use crate::input::error;
 use crate::text::near_name::near_name;
+use crate::text::refusal::{Refusal, refusal};
 use ::geojson::{Feature, GeoJson, Geometry, GeometryValue, JsonObject, PolygonType, Position};
 
 /// Collections may nest; RFC 7946 advises against it, and nobody needs more than this.
@@ -41,11 +43,8 @@ struct Reader {
 }
 
 /// Reads GeoJSON; one shape for each polygon.
-pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, InputError> {
-    let syntax = |problem: String| InputError::Syntax {
-        format: "GeoJSON",
-        problem,
-    };
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Refusal> {
+    let syntax = |problem: String| error::syntax("GeoJSON", &problem);
     let text = std::str::from_utf8(bytes).map_err(|error| syntax(error.to_string()))?;
     let file: GeoJson = text
         .parse()
@@ -60,9 +59,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
     let mut notes = Vec::new();
     let units = match (options.units, said) {
         (Some(units), _) => units,
-        (None, Some(text)) => Units::parse(text).ok_or_else(|| InputError::UnknownUnits {
-            given: text.chars().take(40).collect(),
-        })?,
+        (None, Some(text)) => Units::parse(text)
+            .ok_or_else(|| error::unknown_units(&text.chars().take(40).collect::<String>()))?,
         (None, None) => {
             notes.push("the GeoJSON says no units: taken as mm (see --units)".to_string());
             Units::Mm
@@ -102,15 +100,19 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
 impl Reader {
     /// Geometries without an interior are reported if there is something else, and refused if there
     /// is not.
-    fn told_of_left_out(&self) -> Result<Option<String>, InputError> {
+    fn told_of_left_out(&self) -> Result<Option<String>, Refusal> {
         let Some((what, kind)) = self.left_out.first() else {
             return Ok(None);
         };
         if self.shapes.is_empty() {
             let what = what.clone();
             return Err(match self.centre_lines {
-                true => InputError::NoLines { what },
-                false => InputError::NoInside { what, kind },
+                true => error::no_lines(&what),
+                false => refusal!(
+                    "{what} is a {kind}, which has no inside; only Polygon and MultiPolygon can \
+                     be filled, and LineString and MultiLineString printed as beads with \
+                     --centre-lines"
+                ),
             });
         }
         let count = self.left_out.len();
@@ -120,7 +122,7 @@ impl Reader {
         )))
     }
 
-    fn feature(&mut self, feature: &Feature, what: &str) -> Result<(), InputError> {
+    fn feature(&mut self, feature: &Feature, what: &str) -> Result<(), Refusal> {
         check_keys(feature.foreign_members.as_ref())?;
         let name = feature
             .properties
@@ -139,7 +141,7 @@ impl Reader {
         }
     }
 
-    fn geometry(&mut self, of: &Geometry, what: &str, depth: usize) -> Result<(), InputError> {
+    fn geometry(&mut self, of: &Geometry, what: &str, depth: usize) -> Result<(), Refusal> {
         match &of.value {
             GeometryValue::Polygon { coordinates } => self.polygon(coordinates, what),
             GeometryValue::MultiPolygon { coordinates } => {
@@ -160,10 +162,10 @@ impl Reader {
             GeometryValue::GeometryCollection { geometries } if depth < DEPTH_MAX => geometries
                 .iter()
                 .try_for_each(|geometry| self.geometry(geometry, what, depth + 1)),
-            GeometryValue::GeometryCollection { .. } => Err(InputError::Syntax {
-                format: "GeoJSON",
-                problem: format!("collections are nested more than {DEPTH_MAX} deep"),
-            }),
+            GeometryValue::GeometryCollection { .. } => Err(error::syntax(
+                "GeoJSON",
+                &format!("collections are nested more than {DEPTH_MAX} deep"),
+            )),
             other => {
                 self.left_out.push((what.to_string(), other.type_name()));
                 Ok(())
@@ -171,7 +173,7 @@ impl Reader {
         }
     }
 
-    fn polygon(&mut self, polygon: &PolygonType, what: &str) -> Result<(), InputError> {
+    fn polygon(&mut self, polygon: &PolygonType, what: &str) -> Result<(), Refusal> {
         let name = |number: usize| match number {
             0 => format!("{what}, exterior"),
             _ => format!("{what}, hole {}", number - 1),
@@ -185,17 +187,17 @@ impl Reader {
         &mut self,
         named: impl IntoIterator<Item = (String, &'a Vec<Position>)>,
         what: &str,
-    ) -> Result<(), InputError> {
+    ) -> Result<(), Refusal> {
         let mut rings = Vec::new();
         for (name, positions) in named {
             let mut points = Vec::with_capacity(positions.len());
             for (k, position) in positions.iter().enumerate() {
                 let &[x, y, ref rest @ ..] = position.as_slice() else {
-                    return Err(InputError::BadPoint {
-                        ring: name,
-                        point: k,
-                        problem: format!("{} numbers", position.len()),
-                    });
+                    return Err(error::bad_point(
+                        &name,
+                        k,
+                        &format!("{} numbers", position.len()),
+                    ));
                 };
                 self.heights += usize::from(!rest.is_empty());
                 points.push(Point2::new(x * self.unit_mm, y * self.unit_mm));
@@ -219,11 +221,11 @@ impl Reader {
 }
 
 /// Refuses members that are similar to known ones; others are foreign and ignored.
-fn check_keys(foreign: Option<&JsonObject>) -> Result<(), InputError> {
+fn check_keys(foreign: Option<&JsonObject>) -> Result<(), Refusal> {
     let near = foreign.into_iter().flatten().find_map(|(key, _)| {
         let near = near_name(key, &KEYS)?;
         let key = shortened(key);
-        Some(InputError::Misspelt { key, near })
+        Some(error::misspelt(&key, near))
     });
     near.map_or(Ok(()), Err)
 }

@@ -28,11 +28,10 @@ mod polygon;
 mod settle;
 pub mod space_outline;
 mod svg;
-mod waypoint_error;
 pub mod waypoints;
 
+use crate::text::refusal::{Refusal, refusal};
 use centre_lines::CentreLines;
-pub use error::InputError;
 use waypoints::WaypointRun;
 
 use crate::gcode::axes::FileAxes;
@@ -269,7 +268,7 @@ pub fn read_any(
     name: &str,
     format: Format,
     options: &ReadOptions,
-) -> Result<Input, InputError> {
+) -> Result<Input, Refusal> {
     if options.centre_lines {
         let drawing = drawing(bytes, format, options)?;
         return centre_lines::of_drawing(drawing, name, options).map(Input::Lines);
@@ -303,7 +302,9 @@ pub fn read_any(
     if format == Format::Waypoints {
         check_scale(options)?;
         let text = text_of(bytes, format)?;
-        return Ok(Input::Path(waypoints::read(&text, name, options)?));
+        return Ok(Input::Path(waypoints::read(&text, name, options).map_err(
+            |error| refusal!("not a readable waypoint file: {error}"),
+        )?));
     }
     let is_json = matches!(format, Format::Nurbs | Format::Polygon);
     if is_json && (format == Format::Nurbs || nurbs::is_nurbs(&plain(bytes))) {
@@ -315,7 +316,7 @@ pub fn read_any(
 }
 
 /// The text, however an editor has saved it. Fails if the first bytes are not text.
-fn text_of(bytes: &[u8], format: Format) -> Result<Cow<'_, [u8]>, InputError> {
+fn text_of(bytes: &[u8], format: Format) -> Result<Cow<'_, [u8]>, Refusal> {
     let known = |mark: &[u8]| bytes.starts_with(mark);
     let problem = if known(&[0x1f, 0x8b]) || known(b"PK\x03\x04") {
         "it is compressed; unpack it first"
@@ -324,18 +325,15 @@ fn text_of(bytes: &[u8], format: Format) -> Result<Cow<'_, [u8]>, InputError> {
     } else {
         return Ok(plain(bytes));
     };
-    Err(InputError::Syntax {
-        format: format.name(),
-        problem: problem.to_string(),
-    })
+    Err(error::syntax(format.name(), problem))
 }
 
-fn check_scale(options: &ReadOptions) -> Result<(), InputError> {
+fn check_scale(options: &ReadOptions) -> Result<(), Refusal> {
     let scale = options.scale;
     if scale.is_finite() && scale > 0.0 {
         Ok(())
     } else {
-        Err(InputError::Scale { scale })
+        Err(error::scale(scale))
     }
 }
 
@@ -345,7 +343,7 @@ pub fn read(
     name: &str,
     format: Format,
     options: &ReadOptions,
-) -> Result<Loaded, InputError> {
+) -> Result<Loaded, Refusal> {
     let loaded = outline::to_target(drawing(bytes, format, options)?, name, options)?;
     Ok(Loaded {
         may_be_lines: format == Format::Dxf,
@@ -358,7 +356,7 @@ fn drawing(
     bytes: &[u8],
     format: Format,
     options: &ReadOptions,
-) -> Result<outline::Drawing, InputError> {
+) -> Result<outline::Drawing, Refusal> {
     check_scale(options)?;
     let bytes = &*text_of(bytes, format)?;
     match format {
@@ -366,9 +364,12 @@ fn drawing(
         Format::GeoJson => geojson::read(bytes, options),
         Format::Svg => svg::read(bytes, options),
         Format::Dxf => dxf::read(bytes, options),
-        _ if options.centre_lines => Err(InputError::NotDrawn),
-        Format::Waypoints | Format::Nurbs | Format::Gcode => Err(InputError::PathNotOutline),
-        Format::Mesh(_) => Err(InputError::MeshNotOutline),
+        _ if options.centre_lines => Err(refusal!(
+            "--centre-lines goes with drawings (SVG, DXF, GeoJSON, polygon JSON): only they \
+             have lines"
+        )),
+        Format::Waypoints | Format::Nurbs | Format::Gcode => Err(error::path_not_outline()),
+        Format::Mesh(_) => Err(error::mesh_not_outline()),
     }
 }
 
@@ -377,7 +378,7 @@ pub fn read_rings(
     polygons: &[Vec<Vec<[f64; 2]>>],
     name: &str,
     options: &ReadOptions,
-) -> Result<Loaded, InputError> {
+) -> Result<Loaded, Refusal> {
     check_scale(options)?;
     outline::to_target(outline::of_polygons(polygons), name, options)
 }

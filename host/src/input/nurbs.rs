@@ -9,7 +9,9 @@
 
 use super::names::{name_of, shortened};
 use super::waypoints::{PassAsked, WAYPOINTS_MAX, Waypoint, WaypointRun};
-use super::{InputError, ReadOptions, Units};
+use super::{ReadOptions, Units};
+use crate::input::error;
+use crate::text::refusal::Refusal;
 use nalgebra::{Point3, Unit, Vector3, Vector4};
 use serde::Deserialize;
 
@@ -50,12 +52,12 @@ pub(super) fn is_nurbs(bytes: &[u8]) -> bool {
 /// Reads a curve. `name` is used if the file has none.
 ///
 /// # Errors
-/// [`InputError`] with the cause.
+/// [`Refusal`] with the cause.
 pub(super) fn read(
     bytes: &[u8],
     name: &str,
     options: &ReadOptions,
-) -> Result<WaypointRun, InputError> {
+) -> Result<WaypointRun, Refusal> {
     let file: File = serde_json::from_slice(bytes).map_err(|error| syntax(error.to_string()))?;
     let units = match (options.units, file.units.as_deref()) {
         (Some(units), _) => units,
@@ -80,15 +82,12 @@ pub(super) fn read(
     })
 }
 
-fn syntax(problem: String) -> InputError {
-    InputError::Syntax {
-        format: "NURBS JSON",
-        problem,
-    }
+fn syntax(problem: String) -> Refusal {
+    error::syntax("NURBS JSON", &problem)
 }
 
 impl Nurbs {
-    fn of(file: &File, unit_mm: f64) -> Result<Nurbs, InputError> {
+    fn of(file: &File, unit_mm: f64) -> Result<Nurbs, Refusal> {
         let (degree, count) = (file.degree, file.control_points.len());
         if !(1..=DEGREE_MAX).contains(&degree) || count <= degree {
             return Err(syntax(format!(
@@ -159,7 +158,7 @@ impl Nurbs {
         triangle[p].xyz() / triangle[p].w
     }
 
-    fn samples(&self) -> Result<Vec<Waypoint>, InputError> {
+    fn samples(&self) -> Result<Vec<Waypoint>, Refusal> {
         let mut places = Vec::new();
         for knot in self.degree..self.control.len() {
             let (from, to) = (self.knots[knot], self.knots[knot + 1]);
@@ -206,7 +205,7 @@ impl Nurbs {
         [(from, begin), (to, end)]: [(f64, Vector3<f64>); 2],
         halvings: u32,
         places: &mut Vec<Vector3<f64>>,
-    ) -> Result<(), InputError> {
+    ) -> Result<(), Refusal> {
         let middle = 0.5 * (from + to);
         let half = self.place(knot, middle);
         let chord = end - begin;
@@ -234,7 +233,7 @@ impl Nurbs {
 mod tests {
     use super::*;
 
-    fn run(text: &str) -> Result<WaypointRun, InputError> {
+    fn run(text: &str) -> Result<WaypointRun, Refusal> {
         read(text.as_bytes(), "curve", &ReadOptions::default())
     }
 

@@ -7,12 +7,14 @@
 use super::error::At;
 use super::names::name_of;
 use super::settle::{self, NamedRegion};
-use super::{InputError, Loaded, POINTS_MAX, ReadOptions, Target};
+use super::{Loaded, POINTS_MAX, ReadOptions, Target};
 use crate::geometry::Point2;
 use crate::geometry::edge_index::Edge;
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::geometry::repair::FillRule;
 use crate::geometry::tangle::crossings_about;
+use crate::input::error;
+use crate::text::refusal::{Refusal, refusal};
 
 /// Largest outline, mm: twice the largest printer there is.
 pub const SIZE_MAX_MM: f64 = 100_000.0;
@@ -102,7 +104,7 @@ pub(super) fn to_target(
     mut drawing: Drawing,
     name: &str,
     options: &ReadOptions,
-) -> Result<Loaded, InputError> {
+) -> Result<Loaded, Refusal> {
     scale_and_check(&mut drawing, options.scale)?;
     check_tangle(&drawing)?;
     let mut notes = std::mem::take(&mut drawing.notes);
@@ -125,15 +127,15 @@ pub(super) fn to_target(
         }));
     }
     if regions.is_empty() {
-        return Err(InputError::Empty {
-            hint: "it must hold at least one closed, filled contour",
-        });
+        return Err(error::empty(
+            "it must hold at least one closed, filled contour",
+        ));
     }
     let regions = settle::together(regions, options, &mut notes)?;
     let rings = regions.iter().flat_map(Region::rings);
     let points = rings.map(|ring| ring.points.len()).sum();
     if points > POINTS_MAX {
-        return Err(InputError::TooManyPoints { points });
+        return Err(error::too_many_points(points));
     }
     Ok(Loaded {
         target: Target {
@@ -146,7 +148,7 @@ pub(super) fn to_target(
 }
 
 /// Scales a drawing; refuses what is too large, or too many points.
-pub(super) fn scale_and_check(drawing: &mut Drawing, scale: f64) -> Result<(), InputError> {
+pub(super) fn scale_and_check(drawing: &mut Drawing, scale: f64) -> Result<(), Refusal> {
     let points = drawing
         .shapes
         .iter()
@@ -154,7 +156,7 @@ pub(super) fn scale_and_check(drawing: &mut Drawing, scale: f64) -> Result<(), I
         .map(|ring| ring.points.len())
         .sum();
     if points > POINTS_MAX {
-        return Err(InputError::TooManyPoints { points });
+        return Err(error::too_many_points(points));
     }
     for shape in &mut drawing.shapes {
         scale_and_check_points(shape, scale)?;
@@ -162,29 +164,26 @@ pub(super) fn scale_and_check(drawing: &mut Drawing, scale: f64) -> Result<(), I
     check_size(drawing)
 }
 
-fn scale_and_check_points(shape: &mut Shape, scale: f64) -> Result<(), InputError> {
+fn scale_and_check_points(shape: &mut Shape, scale: f64) -> Result<(), Refusal> {
     for ring in &mut shape.rings {
         for (number, point) in ring.points.iter_mut().enumerate() {
             *point *= scale;
             if !(point.x.is_finite() && point.y.is_finite()) {
-                return Err(InputError::BadPoint {
-                    ring: ring.what.clone(),
-                    point: number,
-                    problem: format!("[{}, {}] after unit and scale", point.x, point.y),
-                });
+                return Err(error::bad_point(
+                    &ring.what,
+                    number,
+                    &format!("[{}, {}] after unit and scale", point.x, point.y),
+                ));
             }
             if point.x.abs().max(point.y.abs()) > FAR_MAX_MM {
-                return Err(InputError::TooFar {
-                    at: At(*point),
-                    max_mm: FAR_MAX_MM,
-                });
+                return Err(error::too_far(At(*point), FAR_MAX_MM));
             }
         }
     }
     Ok(())
 }
 
-fn check_size(drawing: &Drawing) -> Result<(), InputError> {
+fn check_size(drawing: &Drawing) -> Result<(), Refusal> {
     let all: Vec<Point2> = drawing
         .shapes
         .iter()
@@ -192,30 +191,30 @@ fn check_size(drawing: &Drawing) -> Result<(), InputError> {
         .flat_map(|ring| ring.points.iter().copied())
         .collect();
     if all.is_empty() {
-        return Err(InputError::Empty {
-            hint: "it holds no points",
-        });
+        return Err(error::empty("it holds no points"));
     }
     let size = Box2::of(&all).size();
     if size.x.max(size.y) > SIZE_MAX_MM {
-        return Err(InputError::TooBig {
-            width_mm: size.x,
-            height_mm: size.y,
-            max_mm: SIZE_MAX_MM,
-        });
+        return Err(refusal!(
+            "the outline is {width_mm:.6} x {height_mm:.6} mm, larger than {SIZE_MAX_MM} mm: \
+             check its units (--units) or give --scale",
+            width_mm = size.x,
+            height_mm = size.y
+        ));
     }
     if size.x.max(size.y) < SIZE_MIN_MM {
-        return Err(InputError::TooSmall {
-            width_mm: size.x,
-            height_mm: size.y,
-            min_mm: SIZE_MIN_MM,
-        });
+        return Err(refusal!(
+            "the outline is {width_mm:.9} x {height_mm:.9} mm, smaller than {SIZE_MIN_MM} mm: \
+             check its units (--units) or give --scale",
+            width_mm = size.x,
+            height_mm = size.y
+        ));
     }
     Ok(())
 }
 
 /// Refuses a scribble, which crosses itself as often as its number of points squared.
-fn check_tangle(drawing: &Drawing) -> Result<(), InputError> {
+fn check_tangle(drawing: &Drawing) -> Result<(), Refusal> {
     let rings = drawing.shapes.iter().flat_map(|shape| &shape.rings);
     let edges = rings.flat_map(|ring| {
         let pairs = ring.points.windows(2);
@@ -227,7 +226,10 @@ fn check_tangle(drawing: &Drawing) -> Result<(), InputError> {
     let edges: Vec<Edge> = edges.collect();
     let crossings = crossings_about(&edges);
     match crossings > CROSSINGS_MAX {
-        true => Err(InputError::TooTangled { crossings }),
+        true => Err(refusal!(
+            "the contours cross themselves and each other about {crossings:.0} times: this is \
+             no outline, and too much to mend; draw what is to be filled, or fewer points"
+        )),
         false => Ok(()),
     }
 }
@@ -237,7 +239,7 @@ fn clean(
     rings: Vec<RawRing>,
     repair: bool,
     notes: &mut Vec<String>,
-) -> Result<Vec<NamedRing>, InputError> {
+) -> Result<Vec<NamedRing>, Refusal> {
     let mut cleaned = Vec::with_capacity(rings.len());
     for RawRing {
         what,
@@ -246,21 +248,18 @@ fn clean(
     } in rings
     {
         let (Some(&start), Some(&end)) = (points.first(), points.last()) else {
-            return Err(InputError::TooFewPoints {
-                ring: what,
-                at: At(Point2::origin()),
-                distinct: 0,
-            });
+            return Err(error::too_few_points(&what, At(Point2::origin()), 0));
         };
         let gap_mm = (end - start).norm();
         if !closed && gap_mm > CLOSED_MM {
             if !repair {
-                return Err(InputError::Open {
-                    ring: what,
-                    start: At(start),
-                    end: At(end),
-                    gap_mm,
-                });
+                return Err(refusal!(
+                    "{what} is open: it starts at {start} and ends {gap_mm:.4} mm away at \
+                     {end}; close it in the drawing, let --repair join the ends, or print lines \
+                     as beads with --centre-lines",
+                    start = At(start),
+                    end = At(end)
+                ));
             }
             notes.push(format!(
                 "repaired: {what} was open by {gap_mm:.4} mm at {}, its ends are joined",
@@ -274,19 +273,15 @@ fn clean(
         }
         let ring = Ring { points };
         if ring.points.len() < 3 {
-            return Err(InputError::TooFewPoints {
-                ring: what,
-                at: At(start),
-                distinct: ring.points.len(),
-            });
+            return Err(error::too_few_points(&what, At(start), ring.points.len()));
         }
         // Rounding of the area is about 1e-16 of the box; a part in 1e12 is no area.
         let size = Box2::of(&ring.points).size();
         if ring.signed_area_mm2().abs() <= 1e-12 * size.norm_squared() && is_flat(&ring) {
-            return Err(InputError::NoArea {
-                ring: what,
-                at: At(start),
-            });
+            return Err(refusal!(
+                "{what} near {at} encloses no area (its points are on a line): remove it",
+                at = At(start)
+            ));
         }
         cleaned.push(NamedRing { what, ring });
     }

@@ -6,9 +6,11 @@
 
 use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};
-use super::{InputError, ReadOptions, Units};
+use super::{ReadOptions, Units};
 use crate::geometry::Point2;
+use crate::input::error;
 use crate::text::near_name::near_name;
+use crate::text::refusal::{Refusal, refusal};
 use nalgebra::Vector3;
 use serde::Deserialize;
 use serde_json::Value;
@@ -29,13 +31,15 @@ struct File {
 }
 
 /// Reads polygon JSON; one shape, its first ring the exterior.
-pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, InputError> {
-    let file: File = serde_json::from_slice(bytes).map_err(|error| InputError::Syntax {
-        format: "polygon JSON",
-        problem: match error.is_eof() {
-            true => format!("{error}: it is cut off; copy or export it again"),
-            false => error.to_string(),
-        },
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Refusal> {
+    let file: File = serde_json::from_slice(bytes).map_err(|error| {
+        error::syntax(
+            "polygon JSON",
+            &match error.is_eof() {
+                true => format!("{error}: it is cut off; copy or export it again"),
+                false => error.to_string(),
+            },
+        )
     })?;
     check_keys(&file.others)?;
     let unit_mm = units(options, file.units.as_deref())?.mm();
@@ -67,7 +71,7 @@ pub(super) struct SpacePoints {
 pub(super) fn space_points(
     bytes: &[u8],
     options: &ReadOptions,
-) -> Result<Option<SpacePoints>, InputError> {
+) -> Result<Option<SpacePoints>, Refusal> {
     let Ok(file) = serde_json::from_slice::<File>(bytes) else {
         // What is wrong is found where outlines of the plane are read.
         return Ok(None);
@@ -80,18 +84,18 @@ pub(super) fn space_points(
     let in_space = |(number, points): (usize, &Vec<Vec<f64>>)| {
         let points = points.iter().enumerate().map(|(point, coordinates)| {
             let &[x, y, z] = coordinates.as_slice() else {
-                return Err(InputError::BadPoint {
-                    ring: match number {
+                return Err(error::bad_point(
+                    &match number {
                         0 => "exterior".into(),
                         hole => format!("hole {}", hole - 1),
                     },
                     point,
-                    problem: format!("{} numbers", coordinates.len()),
-                });
+                    &format!("{} numbers", coordinates.len()),
+                ));
             };
             Ok(unit_mm * Vector3::new(x, y, z))
         });
-        points.collect::<Result<Vec<Vector3<f64>>, InputError>>()
+        points.collect::<Result<Vec<Vector3<f64>>, Refusal>>()
     };
     let rings = std::iter::once(&file.exterior).chain(&file.holes);
     let rings = rings.enumerate().map(in_space);
@@ -102,15 +106,18 @@ pub(super) fn space_points(
 }
 
 /// Refuses keys that look like known ones, or hold points.
-fn check_keys(others: &BTreeMap<String, Value>) -> Result<(), InputError> {
+fn check_keys(others: &BTreeMap<String, Value>) -> Result<(), Refusal> {
     for (key, value) in others {
         if let Some(near) = near_name(key, &KEYS) {
             let key = shortened(key);
-            return Err(InputError::Misspelt { key, near });
+            return Err(error::misspelt(&key, near));
         }
         if holds_points(value) {
             let key = shortened(key);
-            return Err(InputError::UnknownPoints { key });
+            return Err(refusal!(
+                "the key '{key}' holds points and is not known: the outline is 'exterior', what \
+                 is cut out of it 'holes', a list of outlines; rename it, or take it out"
+            ));
         }
     }
     Ok(())
@@ -129,25 +136,26 @@ fn holds_points(value: &Value) -> bool {
 }
 
 /// The option's unit, else the file's; none is refused.
-fn units(options: &ReadOptions, given: Option<&str>) -> Result<Units, InputError> {
+fn units(options: &ReadOptions, given: Option<&str>) -> Result<Units, Refusal> {
     match (options.units, given) {
         (Some(units), _) => Ok(units),
-        (None, Some(text)) => Units::parse(text).ok_or_else(|| InputError::UnknownUnits {
-            given: text.chars().take(40).collect(),
-        }),
-        (None, None) => Err(InputError::NoUnits),
+        (None, Some(text)) => Units::parse(text)
+            .ok_or_else(|| error::unknown_units(&text.chars().take(40).collect::<String>())),
+        (None, None) => Err(refusal!(
+            "the file says no units: add \"units\": \"mm\" (or cm, m, um, in) or give --units"
+        )),
     }
 }
 
-fn ring(what: String, points: &[Vec<f64>], unit_mm: f64) -> Result<RawRing, InputError> {
+fn ring(what: String, points: &[Vec<f64>], unit_mm: f64) -> Result<RawRing, Refusal> {
     let mut converted = Vec::with_capacity(points.len());
     for (number, point) in points.iter().enumerate() {
         let &[x, y] = point.as_slice() else {
-            return Err(InputError::BadPoint {
-                ring: what,
-                point: number,
-                problem: format!("{} numbers", point.len()),
-            });
+            return Err(error::bad_point(
+                &what,
+                number,
+                &format!("{} numbers", point.len()),
+            ));
         };
         converted.push(Point2::new(x * unit_mm, y * unit_mm));
     }

@@ -5,13 +5,15 @@
 //! by their own; named rings by "inside the exterior and outside the holes" (each ring by the
 //! non-zero rule), overlapping parts by their union.
 
+use super::ReadOptions;
 use super::error::At;
 use super::outline::NamedRing;
-use super::{InputError, ReadOptions};
 use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region, Ring, crosses_ray};
 use crate::geometry::repair::{FillRule, RepairChanges, repair};
 use crate::geometry::validity::{RingName, ValidityError, validate, validate_all, validate_apart};
+use crate::input::error;
+use crate::text::refusal::{Refusal, refusal};
 
 /// A region with its name for messages.
 pub(super) struct NamedRegion {
@@ -29,7 +31,7 @@ pub(super) fn exterior_first(
     rings: Vec<NamedRing>,
     options: &ReadOptions,
     notes: &mut Vec<String>,
-) -> Result<Vec<NamedRegion>, InputError> {
+) -> Result<Vec<NamedRegion>, Refusal> {
     let mut rings = rings.into_iter();
     let Some(mut exterior) = rings.next() else {
         return Ok(Vec::new());
@@ -66,10 +68,7 @@ pub(super) fn exterior_first(
             mended
         }
         Err(problem) => {
-            return Err(InputError::Invalid {
-                region: what.to_string(),
-                problem,
-            });
+            return Err(error::invalid(what, problem));
         }
     };
     Ok(named(what, regions, is_valid))
@@ -82,15 +81,12 @@ pub(super) fn by_fill_rule(
     rule: FillRule,
     options: &ReadOptions,
     notes: &mut Vec<String>,
-) -> Result<Vec<NamedRegion>, InputError> {
+) -> Result<Vec<NamedRegion>, Refusal> {
     let Some(problem) = crossing(&rings) else {
         return Ok(nest(what, rings, rule, notes));
     };
     if !options.repair {
-        return Err(InputError::Invalid {
-            region: ring_names(what, &rings, &problem),
-            problem,
-        });
+        return Err(error::invalid(&ring_names(what, &rings, &problem), problem));
     }
     let mut drawn = rings.into_iter().map(|named| named.ring);
     let Some(exterior) = drawn.next() else {
@@ -110,7 +106,7 @@ pub(super) fn together(
     regions: Vec<NamedRegion>,
     options: &ReadOptions,
     notes: &mut Vec<String>,
-) -> Result<Vec<Region>, InputError> {
+) -> Result<Vec<Region>, Refusal> {
     let names: Vec<String> = regions.iter().map(|r| r.what.clone()).collect();
     let colours: Vec<Option<String>> = regions.iter().map(|r| r.colour.clone()).collect();
     let are_valid = regions.iter().all(|r| r.is_valid);
@@ -130,10 +126,7 @@ pub(super) fn together(
                 second,
                 at_mm: [x, y],
             } => overlap([first, second], [x, y], &names, &colours),
-            problem => InputError::Invalid {
-                region: "the drawing".to_string(),
-                problem,
-            },
+            problem => error::invalid("the drawing", problem),
         });
     }
     let (mended, changes) = repair(&regions, FillRule::NonZero);
@@ -145,14 +138,9 @@ pub(super) fn together(
         notes.push(repair_note(what, fault, &regions, &mended));
     }
     match validate_all(&mended) {
-        Ok(()) if mended.is_empty() => Err(InputError::Empty {
-            hint: "the repair left nothing",
-        }),
+        Ok(()) if mended.is_empty() => Err(error::empty("the repair left nothing")),
         Ok(()) => Ok(mended),
-        Err(problem) => Err(InputError::Invalid {
-            region: "the drawing after --repair".to_string(),
-            problem,
-        }),
+        Err(problem) => Err(error::invalid("the drawing after --repair", problem)),
     }
 }
 
@@ -162,20 +150,24 @@ fn overlap(
     [x, y]: [f64; 2],
     names: &[String],
     colours: &[Option<String>],
-) -> InputError {
+) -> Refusal {
     let at = At(Point2::new(x, y));
     let [under, over] = [first.min(second), first.max(second)];
     match (&colours[under], &colours[over]) {
-        (Some(below), Some(above)) if below != above => InputError::TwoColours {
-            under: format!("{} ({below})", names[under]),
-            over: format!("{} ({above})", names[over]),
-            at,
-        },
-        _ => InputError::Overlap {
-            first: names[first].clone(),
-            second: names[second].clone(),
-            at,
-        },
+        (Some(below), Some(above)) if below != above => refusal!(
+            "{over} lies on {under} near {at}: delete the one that is no part (a background), \
+             or, where one is meant as a hole, cut it out in the drawing program (Inkscape: \
+             Path, Difference)",
+            under = format!("{} ({below})", names[under]),
+            over = format!("{} ({above})", names[over])
+        ),
+        _ => refusal!(
+            "{first} and {second} overlap near {at}; move them apart, let --repair merge them, \
+             or, where one is meant as a hole, cut it out in the drawing program (Inkscape: \
+             Path, Difference)",
+            first = names[first],
+            second = names[second]
+        ),
     }
 }
 

@@ -3,8 +3,9 @@
 //! In: the file's bytes and [`ReadOptions`]. Out: rings of points in mm, `None` for an outline of the plane. Not
 //! covered: whether they are on a surface; the projection onto a mesh checks that.
 
+use super::ReadOptions;
 use super::polygon::{SpacePoints, space_points};
-use super::{InputError, ReadOptions};
+use crate::text::refusal::Refusal;
 use nalgebra::Vector3;
 
 /// An outline in space, mm.
@@ -19,12 +20,12 @@ pub struct SpaceOutline {
 /// Reads an outline in space; `name` is used if the file has none.
 ///
 /// # Errors
-/// [`InputError`].
+/// [`Refusal`].
 pub fn read_in_space(
     bytes: &[u8],
     name: &str,
     options: &ReadOptions,
-) -> Result<Option<SpaceOutline>, InputError> {
+) -> Result<Option<SpaceOutline>, Refusal> {
     let Some(SpacePoints { own_name, rings }) = space_points(bytes, options)? else {
         return Ok(None);
     };

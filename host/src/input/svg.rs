@@ -10,8 +10,10 @@
 
 use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};
-use super::{InputError, POINTS_MAX, ReadOptions};
+use super::{POINTS_MAX, ReadOptions};
 use crate::geometry::{Point2, Vector2};
+use crate::input::error;
+use crate::text::refusal::{Refusal, refusal};
 use svgtypes::{Align, AspectRatio, ViewBox};
 use usvg::tiny_skia_path::PathSegment;
 use usvg::{Fill, Group, Node, Paint, Path, Rect, Stroke, roxmltree};
@@ -52,11 +54,8 @@ struct Reader {
 }
 
 /// Reads the filled shapes of a page.
-pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, InputError> {
-    let syntax = |problem: String| InputError::Syntax {
-        format: "SVG",
-        problem,
-    };
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Refusal> {
+    let syntax = |problem: String| error::syntax("SVG", &problem);
     let text = std::str::from_utf8(bytes).map_err(|error| syntax(error.to_string()))?;
     let xml = roxmltree::Document::parse_with_options(
         text,
@@ -94,16 +93,18 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
     if let (true, Some(first)) = (reader.shapes.is_empty(), reader.strokes.first()) {
         let (count, first) = (reader.strokes.len(), first.clone());
         return Err(match options.centre_lines {
-            true => InputError::NoLines { what: first },
-            false => InputError::OnlyStrokes { count, first },
+            true => error::no_lines(&first),
+            false => refusal!(
+                "{count} shapes have a stroke but no fill (the first: {first}): lines have no \
+                 inside; print them as beads with --centre-lines, give them a fill, or turn \
+                 strokes into paths in the drawing program"
+            ),
         });
     }
     let mut left_out = unsupported_elements(&xml);
     left_out.splice(0..0, reader.hidden_note());
     if reader.shapes.is_empty() && !left_out.is_empty() {
-        return Err(InputError::NothingFilled {
-            left_out: left_out.join("; "),
-        });
+        return Err(error::nothing_filled(&left_out.join("; ")));
     }
     let mut notes = reader.notes();
     notes.extend(left_out);
@@ -119,12 +120,12 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
 }
 
 impl Reader {
-    fn group(&mut self, group: &Group, mut seen: Seen, depth: usize) -> Result<(), InputError> {
+    fn group(&mut self, group: &Group, mut seen: Seen, depth: usize) -> Result<(), Refusal> {
         if depth > DEPTH_MAX {
-            return Err(InputError::Syntax {
-                format: "SVG",
-                problem: format!("groups are nested more than {DEPTH_MAX} deep"),
-            });
+            return Err(error::syntax(
+                "SVG",
+                &format!("groups are nested more than {DEPTH_MAX} deep"),
+            ));
         }
         seen.opacity *= group.opacity().get();
         let part = group
@@ -142,7 +143,7 @@ impl Reader {
         Ok(())
     }
 
-    fn path(&mut self, path: &Path, seen: Seen) -> Result<(), InputError> {
+    fn path(&mut self, path: &Path, seen: Seen) -> Result<(), Refusal> {
         let number = self.shapes.len() + self.strokes.len() + self.hidden;
         let what = match path.id() {
             "" => format!("shape {number}"),
@@ -187,7 +188,7 @@ impl Reader {
     }
 
     /// The path's contours in mm (before `--scale`), y up.
-    fn rings(&mut self, path: &Path, what: &str) -> Result<Vec<RawRing>, InputError> {
+    fn rings(&mut self, path: &Path, what: &str) -> Result<Vec<RawRing>, Refusal> {
         let t = path.abs_transform();
         let [sx, ky, kx, sy, tx, ty] = [t.sx, t.ky, t.kx, t.sy, t.tx, t.ty].map(f64::from);
         let to_px = |p: usvg::tiny_skia_path::Point| {
@@ -216,9 +217,7 @@ impl Reader {
                 PathSegment::Close => self.finish(&mut rings, &mut current, what, true),
             }
             if self.points + current.len() > POINTS_MAX {
-                return Err(InputError::TooManyPoints {
-                    points: self.points + current.len(),
-                });
+                return Err(error::too_many_points(self.points + current.len()));
             }
         }
         self.finish(&mut rings, &mut current, what, false);

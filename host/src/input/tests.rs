@@ -2,8 +2,9 @@
 //! refused with the place. Method: small drawings whose area is known.
 
 use super::*;
+use crate::text::refusal::Refusal;
 
-fn polygon(text: &str) -> Result<Loaded, InputError> {
+fn polygon(text: &str) -> Result<Loaded, Refusal> {
     read(
         text.as_bytes(),
         "test",
@@ -12,7 +13,7 @@ fn polygon(text: &str) -> Result<Loaded, InputError> {
     )
 }
 
-fn svg(text: &str) -> Result<Loaded, InputError> {
+fn svg(text: &str) -> Result<Loaded, Refusal> {
     read(
         text.as_bytes(),
         "test",
@@ -21,7 +22,7 @@ fn svg(text: &str) -> Result<Loaded, InputError> {
     )
 }
 
-fn geojson(text: &str) -> Result<Loaded, InputError> {
+fn geojson(text: &str) -> Result<Loaded, Refusal> {
     read(
         text.as_bytes(),
         "test",
@@ -34,7 +35,7 @@ fn area(loaded: &Loaded) -> f64 {
     loaded.target.regions.iter().map(Region::area_mm2).sum()
 }
 
-fn refusal(result: Result<Loaded, InputError>) -> String {
+fn refusal(result: Result<Loaded, Refusal>) -> String {
     result.expect_err("must be refused").to_string()
 }
 

@@ -17,10 +17,12 @@
 use super::names::{name_of, part_name};
 use super::near_waypoints::{self, usual_gap_mm};
 use super::outline::{FAR_MAX_MM, SIZE_MAX_MM};
-pub use super::waypoint_error::WaypointError;
 use super::{ReadOptions, Units};
+use crate::gcode::error::too_tilted;
 use crate::settings::PrimeRetract;
 use crate::text::near_name::near_name;
+use crate::text::refusal::{Refusal, refusal};
+use crate::text::short_number::Short;
 use headway_firmware::kinematics::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 use std::f64::consts::TAU;
@@ -170,10 +172,13 @@ struct Reader {
 /// Reads a run. `name` is used if the file has none.
 ///
 /// # Errors
-/// The first [`WaypointError`].
-pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointRun, WaypointError> {
-    let text = std::str::from_utf8(bytes).map_err(|error| WaypointError::NotText {
-        at_byte: error.valid_up_to(),
+/// The first [`Refusal`].
+pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointRun, Refusal> {
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        refusal!(
+            "byte {at_byte} is not UTF-8 text: save the waypoints as plain text",
+            at_byte = error.valid_up_to()
+        )
     })?;
     let mut reader = Reader {
         unit_mm: options.units.unwrap_or(Units::Mm).mm(),
@@ -194,11 +199,13 @@ pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointR
         reader.data(index + 1, data)?;
     }
     if let Some((line, length)) = reader.doubtful {
-        return Err(WaypointError::Axis { line, length });
+        return Err(no_direction(line, length));
     }
     let found = reader.points.len();
     if found < 2 {
-        return Err(WaypointError::TooFew { found });
+        return Err(refusal!(
+            "{found} different waypoints; a run needs 2 or more"
+        ));
     }
     let mut notes = reader.notes();
     let (points, joined, near_mm) = near_waypoints::joined(reader.points);
@@ -218,7 +225,7 @@ pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointR
 
 impl Reader {
     /// `units: cm`, `name: vase`; anything else is for people.
-    fn comment(&mut self, line: usize, comment: &str) -> Result<(), WaypointError> {
+    fn comment(&mut self, line: usize, comment: &str) -> Result<(), Refusal> {
         let Some((key, value)) = comment.split_once([':', '=']) else {
             return Ok(());
         };
@@ -227,13 +234,18 @@ impl Reader {
         let is_heeded = is_units && self.points.is_empty() && comment.contains(':');
         if (is_units && !is_heeded) || near_name(key, &["units"]).is_some() {
             let given = shortened(comment.trim());
-            return Err(WaypointError::UnitsNotRead { line, given });
+            return Err(refusal!(
+                "line {line}: '{given}' is not read as units: write `# units: mm` (or cm, m, \
+                 um, in) before the first waypoint"
+            ));
         }
         match key {
             "units" if !self.units_said => {
-                let units = Units::parse(value).ok_or_else(|| WaypointError::UnknownUnits {
-                    line,
-                    given: shortened(value),
+                let units = Units::parse(value).ok_or_else(|| {
+                    refusal!(
+                        "line {line}: units '{given}' are not known: use mm, cm, m, um or in",
+                        given = shortened(value)
+                    )
                 })?;
                 self.unit_mm = units.mm();
             }
@@ -243,7 +255,7 @@ impl Reader {
         Ok(())
     }
 
-    fn data(&mut self, line: usize, data: &str) -> Result<(), WaypointError> {
+    fn data(&mut self, line: usize, data: &str) -> Result<(), Refusal> {
         let cells: Vec<&str> = data
             .split(|c: char| c.is_whitespace() || c == ',' || c == ';')
             .filter(|cell| !cell.is_empty())
@@ -259,10 +271,12 @@ impl Reader {
         self.check_columns(line, cells.len())?;
         let mut numbers = [0.0; COLUMNS.len() + FURTHER.len()];
         for (column, (cell, number)) in cells.iter().zip(&mut numbers).enumerate() {
-            *number = finite(cell).ok_or_else(|| WaypointError::Number {
-                line,
-                column: column + 1,
-                text: shortened(cell),
+            *number = finite(cell).ok_or_else(|| {
+                refusal!(
+                    "line {line}, column {column}: `{text}` is not a finite number",
+                    column = column + 1,
+                    text = shortened(cell)
+                )
             })?;
         }
         let (pose, behind) = numbers.split_at(COLUMNS.len());
@@ -288,17 +302,20 @@ impl Reader {
         is_head
     }
 
-    fn check_columns(&mut self, line: usize, columns: usize) -> Result<(), WaypointError> {
+    fn check_columns(&mut self, line: usize, columns: usize) -> Result<(), Refusal> {
         let most = COLUMNS.len() + self.further.len();
         if !(COLUMNS.len()..=most).contains(&columns) {
-            return Err(WaypointError::Columns { line, columns });
+            return Err(refusal!(
+                "line {line} has {columns} columns; write x y z nx ny nz, or x y z nx ny nz \
+                 heading_deg; further ones (width_mm, height_mm, speed_mm_s, cone_deg) are named \
+                 in a head: x y z nx ny nz width_mm"
+            ));
         }
         match self.columns.replace(columns) {
-            Some(before) if before != columns => Err(WaypointError::Mixed {
-                line,
-                columns,
-                before,
-            }),
+            Some(before) if before != columns => Err(refusal!(
+                "line {line} has {columns} columns, the lines before it {before}: a column is \
+                 given everywhere or nowhere"
+            )),
             _ => Ok(()),
         }
     }
@@ -308,27 +325,44 @@ impl Reader {
         line: usize,
         pose: &[f64],
         [heading_deg, width_mm, height_mm, speed_mm_s, cone_deg]: [Option<f64>; FURTHER.len()],
-    ) -> Result<(), WaypointError> {
+    ) -> Result<(), Refusal> {
         if self.points.len() == WAYPOINTS_MAX {
-            return Err(WaypointError::TooMany { line });
+            return Err(refusal!(
+                "line {line} is waypoint {WAYPOINTS_MAX} and there are more: split the run"
+            ));
         }
         let tip_mm = Point3::new(pose[0], pose[1], pose[2]) * (self.unit_mm * self.scale);
         self.check_distance(line, &tip_mm)?;
         let axis = self.axis(line, Vector3::new(pose[3], pose[4], pose[5]))?;
         for given_mm in [width_mm, height_mm].into_iter().flatten() {
             if !(given_mm > 0.0 && given_mm <= BEAD_MAX_MM) {
-                return Err(WaypointError::Bead { line, given_mm });
+                return Err(refusal!(
+                    "line {line}: a bead of {} mm; write a width or height above 0, up to \
+                     {BEAD_MAX_MM} mm",
+                    Short(given_mm)
+                ));
             }
         }
         let [slowest, fastest] = SPEED_RANGE_MM_S;
         if let Some(given_mm_s) = speed_mm_s.filter(|speed| !(slowest..=fastest).contains(speed)) {
-            return Err(WaypointError::Speed { line, given_mm_s });
+            return Err(refusal!(
+                "line {line}: a speed of {} mm/s; write one of {} to {} mm/s",
+                Short(given_mm_s),
+                SPEED_RANGE_MM_S[0],
+                SPEED_RANGE_MM_S[1]
+            ));
         }
         if let Some(heading_deg) = heading_deg.filter(|deg| deg.abs() > HEADING_MAX_DEG) {
-            return Err(WaypointError::Heading { line, heading_deg });
+            return Err(refusal!(
+                "line {line}: a heading of {}° is beyond {HEADING_MAX_DEG}°",
+                Short(heading_deg)
+            ));
         }
         if let Some(given_deg) = cone_deg.filter(|deg| !(0.0..=CONE_MAX_DEG).contains(deg)) {
-            return Err(WaypointError::Cone { line, given_deg });
+            return Err(refusal!(
+                "line {line}: cone_deg is {given_deg}; write an angle from 0 to {CONE_MAX_DEG} \
+                 degrees"
+            ));
         }
         let before = self.points.last();
         let heading_rad = heading_deg.map(|degrees| {
@@ -359,7 +393,7 @@ impl Reader {
         Ok(())
     }
 
-    fn check_distance(&self, line: usize, tip_mm: &Point3<f64>) -> Result<(), WaypointError> {
+    fn check_distance(&self, line: usize, tip_mm: &Point3<f64>) -> Result<(), Refusal> {
         let first = self.points.first().map_or(*tip_mm, |first| first.tip_mm);
         let bounds = [
             (tip_mm.coords.norm(), FAR_MAX_MM),
@@ -368,21 +402,17 @@ impl Reader {
         for (distance_mm, max_mm) in bounds {
             // What overflowed is in no range.
             if !(0.0..=max_mm).contains(&distance_mm) {
-                return Err(WaypointError::TooFar {
-                    line,
-                    distance_mm,
-                    max_mm,
-                });
+                return Err(refusal!(
+                    "line {line} is {} mm from the origin or the first waypoint, more than \
+                     {max_mm:.0} mm: check its units",
+                    Short(distance_mm.round())
+                ));
             }
         }
         Ok(())
     }
 
-    fn axis(
-        &mut self,
-        line: usize,
-        axis: Vector3<f64>,
-    ) -> Result<Unit<Vector3<f64>>, WaypointError> {
+    fn axis(&mut self, line: usize, axis: Vector3<f64>) -> Result<Unit<Vector3<f64>>, Refusal> {
         let length = axis.norm();
         if !(0.5..=1.5).contains(&length) {
             return self.stand_in(line, length);
@@ -391,19 +421,15 @@ impl Reader {
         let axis = Unit::new_normalize(axis);
         let tilt_rad = axis.x.hypot(axis.y).atan2(axis.z);
         if tilt_rad > TILT_MAX_RAD + TILT_ROUNDING_RAD {
-            return Err(WaypointError::Tilt {
-                line,
-                tilt_deg: tilt_rad.to_degrees(),
-                max_deg: TILT_MAX_RAD.to_degrees(),
-            });
+            return Err(too_tilted(line, tilt_rad));
         }
         self.settle_doubt(&axis)?;
         Ok(axis)
     }
 
     /// The previous waypoint's axis instead of an invalid one, until the next one is known.
-    fn stand_in(&mut self, line: usize, length: f64) -> Result<Unit<Vector3<f64>>, WaypointError> {
-        let refused = WaypointError::Axis { line, length };
+    fn stand_in(&mut self, line: usize, length: f64) -> Result<Unit<Vector3<f64>>, Refusal> {
+        let refused = no_direction(line, length);
         let before = self.points.last().ok_or_else(|| refused.clone())?;
         if self.doubtful.is_some() {
             return Err(refused);
@@ -413,7 +439,7 @@ impl Reader {
     }
 
     /// If the axes on both sides of an invalid one agree, their mean replaces it.
-    fn settle_doubt(&mut self, next: &Unit<Vector3<f64>>) -> Result<(), WaypointError> {
+    fn settle_doubt(&mut self, next: &Unit<Vector3<f64>>) -> Result<(), Refusal> {
         let Some((line, length)) = self.doubtful.take() else {
             return Ok(());
         };
@@ -424,7 +450,7 @@ impl Reader {
             self.replaced.push(line);
             return Ok(());
         }
-        Err(WaypointError::Axis { line, length })
+        Err(no_direction(line, length))
     }
 
     fn notes(&self) -> Vec<String> {
@@ -449,16 +475,19 @@ impl Reader {
 
 /// Meaning of the columns after the first six. Refuses a head that gives a column the name of another one;
 /// other names of the first seven are anybody's.
-fn further_columns(line: usize, cells: &[&str]) -> Result<Vec<usize>, WaypointError> {
+fn further_columns(line: usize, cells: &[&str]) -> Result<Vec<usize>, Refusal> {
     let mut further: Vec<usize> = Vec::new();
     for (column, cell) in cells.iter().enumerate() {
         let name = cell.to_ascii_lowercase();
         let of = COLUMNS.iter().position(|known| *known == name);
         let behind = FURTHER.iter().position(|known| *known == name);
-        let refused = || WaypointError::Head {
-            line,
-            column: column + 1,
-            text: shortened(cell),
+        let refused = || {
+            refusal!(
+                "line {line}: column {column} is called `{text}`; the columns are x y z nx ny nz in \
+             this order, then any of heading_deg, width_mm, height_mm, speed_mm_s, each once",
+                column = column + 1,
+                text = shortened(cell)
+            )
         };
         if of.is_some_and(|of| of != column) || (behind.is_some() && column < COLUMNS.len()) {
             return Err(refused());
@@ -496,6 +525,10 @@ fn finite(cell: &str) -> Option<f64> {
     cell.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
+fn no_direction(line: usize, length: f64) -> Refusal {
+    refusal!("line {line}: the tool axis has length {length:.6}; a direction has length 1")
+}
+
 fn shortened(text: &str) -> String {
     text.chars().take(40).collect()
 }
@@ -528,33 +561,27 @@ mod tests {
             ("width_mm x", "1 1"),
         ] {
             let error = table(head, rest).unwrap_err();
-            assert!(
-                matches!(error, WaypointError::Head { column: 8, .. }),
-                "{error}"
-            );
+            let text = error.to_string();
+            assert!(text.starts_with("line 1: column 8 is called `"), "{text}");
         }
         for width in ["0", "-1", "1e3"] {
             let error = table("width_mm", width).unwrap_err();
-            assert!(
-                matches!(error, WaypointError::Bead { line: 2, .. }),
-                "{error}"
-            );
+            let text = error.to_string();
+            assert!(text.starts_with("line 2: a bead of "), "{text}");
         }
         let points = table("speed_mm_s", "35").unwrap().points;
         assert_eq!(points[1].speed_mm_s, Some(35.0));
         assert_eq!(points[1].heading_rad, None);
         for speed in ["0", "-5", "1e5"] {
             let error = table("speed_mm_s", speed).unwrap_err();
-            assert!(
-                matches!(error, WaypointError::Speed { line: 2, .. }),
-                "{error}"
-            );
+            let text = error.to_string();
+            assert!(text.starts_with("line 2: a speed of "), "{text}");
         }
         let error = run("0 0 1 0 0 1 90 0.8\n").unwrap_err();
         assert!(error.to_string().contains("named in a head"), "{error}");
     }
 
-    fn run(text: &str) -> Result<WaypointRun, WaypointError> {
+    fn run(text: &str) -> Result<WaypointRun, Refusal> {
         read(text.as_bytes(), "run", &ReadOptions::default())
     }
 
@@ -571,8 +598,13 @@ mod tests {
             "0 0 0 0 0 1\n1 0 0 0 0 0\n2 0 0 0 0 0\n3 0 0 0 0 1\n",
             "0 0 0 0 0 0\n1 0 0 0 0 1\n2 0 0 0 0 1\n",
         ] {
-            let refused = read(text.as_bytes(), "run", &ReadOptions::default());
-            assert!(matches!(refused, Err(WaypointError::Axis { .. })), "{text}");
+            let refused = read(text.as_bytes(), "run", &ReadOptions::default())
+                .unwrap_err()
+                .to_string();
+            assert!(
+                refused.contains("the tool axis has length"),
+                "{text}: {refused}"
+            );
         }
     }
 
@@ -604,74 +636,52 @@ mod tests {
 
     #[test]
     fn what_is_no_run_is_refused_with_the_line() {
-        use WaypointError as E;
         let two = "0 0 0 0 0 1\n";
-        let number = |column, text: &str| E::Number {
-            line: 2,
-            column,
-            text: text.into(),
+        let number = |column, text: &str| {
+            format!("line 2, column {column}: `{text}` is not a finite number")
         };
+        let columns = |columns| {
+            format!(
+                "line 2 has {columns} columns; write x y z nx ny nz, or x y z nx ny nz heading_deg; further ones \
+                 (width_mm, height_mm, speed_mm_s, cone_deg) are named in a head: x y z nx ny nz width_mm"
+            )
+        };
+        let mixed =
+            "line 2 has 7 columns, the lines before it 6: a column is given everywhere or nowhere";
+        let axis = |length: f64| {
+            format!("line 2: the tool axis has length {length:.6}; a direction has length 1")
+        };
+        let few = "1 different waypoints; a run needs 2 or more";
         for (line, error) in [
             ("1 0 NaN 0 0 1", number(3, "NaN")),
             ("1 0 0 0 inf 1", number(5, "inf")),
             ("1 0 1e999 0 0 1", number(3, "1e999")),
             ("1 0 0 0 0 one", number(6, "one")),
-            (
-                "1 0 0",
-                E::Columns {
-                    line: 2,
-                    columns: 3,
-                },
-            ),
-            (
-                "1 0 0 0 0 1 2 3",
-                E::Columns {
-                    line: 2,
-                    columns: 8,
-                },
-            ),
-            (
-                "1 0 0 0 0 1 2",
-                E::Mixed {
-                    line: 2,
-                    columns: 7,
-                    before: 6,
-                },
-            ),
-            (
-                "1 0 0 0 0 0",
-                E::Axis {
-                    line: 2,
-                    length: 0.0,
-                },
-            ),
-            (
-                "1 0 0 0 0 -5",
-                E::Axis {
-                    line: 2,
-                    length: 5.0,
-                },
-            ),
-            ("0 0 0 0 0 1", E::TooFew { found: 1 }),
+            ("1 0 0", columns(3)),
+            ("1 0 0 0 0 1 2 3", columns(8)),
+            ("1 0 0 0 0 1 2", mixed.to_string()),
+            ("1 0 0 0 0 0", axis(0.0)),
+            ("1 0 0 0 0 -5", axis(5.0)),
+            ("0 0 0 0 0 1", few.to_string()),
         ] {
-            assert_eq!(run(&format!("{two}{line}")), Err(error), "{line}");
+            let refused = run(&format!("{two}{line}")).unwrap_err();
+            assert_eq!(refused.to_string(), error, "{line}");
         }
-        assert!(matches!(
-            run("0 0 0 0 0 1\n1 0 0 0 0 -1"),
-            Err(E::Tilt { line: 2, .. })
-        ));
-        assert!(matches!(
-            run("0 0 0 0 0 1\n1e300 0 0 0 0 1"),
-            Err(E::TooFar { line: 2, .. })
-        ));
-        assert!(matches!(
-            run("# units: ft\n"),
-            Err(E::UnknownUnits { line: 1, .. })
-        ));
-        assert!(matches!(
-            read(b"0 0 0 \xff", "run", &ReadOptions::default()),
-            Err(E::NotText { at_byte: 6 })
-        ));
+        for (text, begins) in [
+            (
+                &b"0 0 0 0 0 1\n1 0 0 0 0 -1"[..],
+                "line 2: the tool axis is tilted by ",
+            ),
+            (
+                b"0 0 0 0 0 1\n1e300 0 0 0 0 1",
+                "line 2 is inf mm from the origin",
+            ),
+            (b"# units: ft\n", "line 1: units 'ft' are not known"),
+            (b"0 0 0 \xff", "byte 6 is not UTF-8 text"),
+        ] {
+            let refused = read(text, "run", &ReadOptions::default()).unwrap_err();
+            assert!(refused.to_string().starts_with(begins), "{refused}");
+        }
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Why a target cannot be planned, for every kind of input.
 
 use super::surface::SurfaceError;
-use crate::gcode::GcodeError;
 use crate::geometry::Point2;
 use crate::plan::axis::medial_axis::MedialAxisError;
 use crate::plan::layers::layer_groups::TooLongError;
@@ -30,9 +29,6 @@ pub enum PlanError {
     /// The medial axis.
     #[error(transparent)]
     MedialAxis(#[from] MedialAxisError),
-    /// A line of G-code that no machine could run in its lifetime.
-    #[error(transparent)]
-    Gcode(#[from] GcodeError),
     /// No position on the table at which the complete run is reachable.
     #[error(transparent)]
     NoPlace(#[from] NoPlaceError),

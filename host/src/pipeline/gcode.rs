@@ -11,7 +11,8 @@
 
 use super::{PlanError, start_pose};
 use crate::gcode::comments::Slicer;
-use crate::gcode::{GcodeError, GcodePass, GcodeProgram, check_days};
+use crate::gcode::error::own_export;
+use crate::gcode::{GcodePass, GcodeProgram, check_days};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Box2;
 use crate::job::SegmentStream;
@@ -111,7 +112,7 @@ pub(super) fn plan_pieces(
     mut lay: impl FnMut(&GcodePiece) -> Result<LaidPiece, PlanError>,
 ) -> Result<GcodePlan, PlanError> {
     if program.is_export() {
-        return Err(GcodeError::OwnExport.into());
+        return Err(own_export().into());
     }
     settings.check()?;
     check_time(program, settings)?;

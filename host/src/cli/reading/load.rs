@@ -7,7 +7,8 @@ use crate::cli::reading::{file_axes, job};
 use crate::cli::terminal::console::Console;
 use crate::gcode::FILAMENT_MM;
 use crate::geometry::polygon::Region;
-use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions};
+use crate::input::error;
+use crate::input::{self, BYTES_MAX, Format, Input, Loaded, ReadOptions};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::options::Options;
 use crate::settings::{Quality, Settings, machine_file};
@@ -123,37 +124,35 @@ pub(crate) fn input(
     let format = named.ok_or_else(|| {
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         let (path, is_folder) = (path.display().to_string(), path.is_dir());
-        let error = match ending.to_str() {
+        let what = match ending.to_str() {
             Some("step" | "stp" | "iges" | "igs" | "f3d" | "fcstd" | "sldprt") => {
-                InputError::CadFormat { path }
+                "a CAD model: export it as a mesh (.3mf or .stl, with a deviation of 0.01 mm or less) and plan that"
             }
-            Some("hwj") => InputError::NoInput {
-                path,
-                what: "a job, which is planned: simulate, export or stream it",
-            },
-            Some("src" | "dat" | "mod" | "prg" | "script" | "urp") => InputError::NoInput {
-                path,
-                what: "a robot's program: these are written (headway export --to rapid, krl, urscript) and not read; give its \
-                       path as waypoints (.wpt) or G-code",
-            },
-            Some("toml") => InputError::NoInput {
-                path,
-                what: "a machine file: give it with -m, and the part as the input",
-            },
-            _ if is_folder => InputError::NoInput {
-                path,
-                what: "a folder: name a file in it",
-            },
-            _ => InputError::UnknownFormat { path },
+            Some("hwj") => "a job, which is planned: simulate, export or stream it",
+            Some("src" | "dat" | "mod" | "prg" | "script" | "urp") => {
+                "a robot's program: these are written (headway export --to rapid, krl, urscript) and not read; give its \
+                 path as waypoints (.wpt) or G-code"
+            }
+            Some("toml") => "a machine file: give it with -m, and the part as the input",
+            _ if is_folder => "a folder: name a file in it",
+            _ => {
+                return CliError::Usage(format!(
+                    "cannot tell the format of '{path}': use the ending .json, .geojson, .svg, .dxf, .wpt, .stl, \
+                     .3mf, .obj or .gcode, or --from polygon|geojson|svg|dxf|waypoints|stl|3mf|obj|gcode"
+                ));
+            }
         };
-        CliError::Usage(error.to_string())
+        CliError::Usage(format!("'{path}' is {what}"))
     })?;
     if !(args.scale.is_finite() && args.scale > 0.0) {
-        let error = InputError::Scale { scale: args.scale };
+        let error = error::scale(args.scale);
         return Err(CliError::Usage(error.to_string()));
     }
     if !args.dxf_layer.is_empty() && format != Format::Dxf {
-        return Err(CliError::Usage(InputError::NoLayers.to_string()));
+        return Err(CliError::Usage(
+            "--dxf-layer goes with DXF: no other format that is read has layers of a drawing"
+                .into(),
+        ));
     }
     let options = ReadOptions {
         units: args.units,
@@ -183,8 +182,8 @@ pub(crate) fn target(
 ) -> Result<Loaded, CliError> {
     let problem = match input(path, args, settings, console)? {
         Input::Outline(loaded) => return Ok(loaded),
-        Input::Path(_) | Input::Gcode(_) | Input::Lines(_) => InputError::PathNotOutline,
-        Input::Mesh(_) => InputError::MeshNotOutline,
+        Input::Path(_) | Input::Gcode(_) | Input::Lines(_) => error::path_not_outline(),
+        Input::Mesh(_) => error::mesh_not_outline(),
     };
     Err(CliError::Job(format!("{}: {problem}", path.display())))
 }
@@ -218,7 +217,10 @@ fn rotate_rad(text: Option<&str>, format: Format) -> Result<[f64; 3], CliError> 
         return Ok([0.0; 3]);
     };
     if !matches!(format, Format::Mesh(_)) {
-        return Err(CliError::Usage(InputError::NotTurned.to_string()));
+        return Err(CliError::Usage(
+            "--rotate turns meshes: an outline is in the layer's plane; rotate it in the drawing"
+                .into(),
+        ));
     }
     let turns_deg = three_numbers(text).ok_or_else(|| {
         CliError::Usage(format!(
@@ -284,7 +286,7 @@ pub(crate) fn read_bounded(path: &Path, bytes_max: u64) -> Result<Vec<u8>, CliEr
     let bytes = read.len() as u64;
     if bytes > bytes_max {
         let bytes = std::fs::metadata(path).map_or(bytes, |known| known.len().max(bytes));
-        let error = InputError::FileTooLarge { bytes, bytes_max };
+        let error = error::file_too_large(bytes, bytes_max);
         return Err(CliError::Job(format!("{}: {error}", path.display())));
     }
     Ok(read)

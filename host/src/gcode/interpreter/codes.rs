@@ -5,9 +5,10 @@
 use super::{Firmware, Interpreter, code_name, tenths, value};
 use crate::gcode::FILAMENT_MM;
 use crate::gcode::axes::SLOTS;
-use crate::gcode::error::GcodeError;
+use crate::gcode::error;
 use crate::gcode::flavour::Flavour;
 use crate::gcode::words::{Line, Word};
+use crate::text::refusal::Refusal;
 
 /// Tools that slicers count; numbers from here on are orders to a changer.
 const TOOLS: f64 = 255.0;
@@ -32,14 +33,10 @@ impl Interpreter {
         word: &Word,
         line: &Line,
         number: usize,
-    ) -> Result<bool, GcodeError> {
+    ) -> Result<bool, Refusal> {
         if let Some(remedy) = self.remedy(code, line) {
             let code = code_name(word);
-            return Err(GcodeError::NotRead {
-                line: number,
-                code,
-                remedy,
-            });
+            return Err(error::not_read(number, &code, remedy));
         }
         match code {
             170 => self.plane = [0, 1, 2],
@@ -125,7 +122,7 @@ impl Interpreter {
     }
 
     /// G10 and G11: the second in a row does nothing.
-    fn firmware_retraction(&mut self, retracts: bool, line: usize) -> Result<(), GcodeError> {
+    fn firmware_retraction(&mut self, retracts: bool, line: usize) -> Result<(), Refusal> {
         if self.retracted.replace(retracts) == Some(retracts) {
             return Ok(());
         }
@@ -142,7 +139,7 @@ impl Interpreter {
         word: &Word,
         line: &Line,
         number: usize,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         match tenths(word) {
             code @ (820 | 830) => {
                 self.e_relative = code == 830;
@@ -208,16 +205,13 @@ impl Interpreter {
     }
 
     /// M200: E in mm³ with a diameter, in mm with 0.
-    pub(super) fn filament(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+    pub(super) fn filament(&mut self, line: &Line, number: usize) -> Result<(), Refusal> {
         let diameter_mm = value(line, b'D', number)?;
         let is_on = value(line, b'S', number)?.map(|on| on != 0.0);
         match diameter_mm {
             Some(diameter_mm) if diameter_mm != 0.0 => {
                 if !(FILAMENT_MM[0]..=FILAMENT_MM[1]).contains(&diameter_mm) {
-                    return Err(GcodeError::Filament {
-                        line: number,
-                        diameter_mm,
-                    });
+                    return Err(error::filament(number, diameter_mm));
                 }
                 self.found.comments.filament_mm = Some(diameter_mm);
                 self.volumetric = is_on.unwrap_or(true);
@@ -247,18 +241,18 @@ impl Interpreter {
         let tool = self.cutter.unwrap_or(0);
         let before = *self.cutting_tool.get_or_insert(tool);
         if let Some(line) = self.changed.filter(|_| before != tool) {
-            let second = GcodeError::SecondTool { line, tool, before };
+            let second = error::second_tool(line, tool, before);
             self.found.second_tool.get_or_insert(second);
         }
     }
 
     /// Something is extruded, `on_the_way` or on the spot, by the tool in force: firmwares begin with the
     /// first one. What another one is primed by before the first bead is no matter.
-    pub(super) fn prints(&mut self, on_the_way: bool) -> Result<(), GcodeError> {
+    pub(super) fn prints(&mut self, on_the_way: bool) -> Result<(), Refusal> {
         let tool = self.tool.unwrap_or(0);
         match (self.printing_tool, self.changed) {
             (Some(before), Some(line)) if before != tool => {
-                return Err(GcodeError::SecondTool { line, tool, before });
+                return Err(error::second_tool(line, tool, before));
             }
             (None, _) if on_the_way => self.printing_tool = Some(tool),
             _ => {}
@@ -267,7 +261,7 @@ impl Interpreter {
     }
 
     /// G92.
-    pub(super) fn set_position(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+    pub(super) fn set_position(&mut self, line: &Line, number: usize) -> Result<(), Refusal> {
         if line.words.len() == 1 {
             return self.bare_g92(number);
         }
@@ -285,7 +279,7 @@ impl Interpreter {
     }
 
     /// G28: the head goes to the machine's zero.
-    pub(super) fn home(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+    pub(super) fn home(&mut self, line: &Line, number: usize) -> Result<(), Refusal> {
         let named = |letter: u8| line.words.iter().any(|word| word.letter == letter);
         let axes = self.axes();
         let all = !axes.iter().any(|letter| named(*letter));
@@ -315,12 +309,12 @@ pub(super) fn is_curve(name: &str) -> bool {
 }
 
 /// The refusal of such a word.
-pub(super) fn no_corners(code: String, line: usize) -> GcodeError {
-    GcodeError::NotRead {
+pub(super) fn no_corners(code: String, line: usize) -> Refusal {
+    error::not_read(
         line,
-        code,
-        remedy: "the points behind it are no corners of a path; let the post-processor write straight moves (G1)",
-    }
+        &code,
+        "the points behind it are no corners of a path; let the post-processor write straight moves (G1)",
+    )
 }
 
 /// RepRapFirmware's conditions and loops, and subprograms by their number.
@@ -336,15 +330,12 @@ pub(super) fn is_computed(name: &str, command: &str) -> bool {
 }
 
 /// S of M220 and M221.
-fn bounded_percent(line: &Line, number: usize) -> Result<Option<f64>, GcodeError> {
+fn bounded_percent(line: &Line, number: usize) -> Result<Option<f64>, Refusal> {
     let given = value(line, b'S', number)?;
     match given {
-        Some(percent) if !(1.0..=1000.0).contains(&percent) => Err(GcodeError::Beyond {
-            line: number,
-            letter: 'S',
-            value: percent,
-            most: 1000.0,
-        }),
+        Some(percent) if !(1.0..=1000.0).contains(&percent) => {
+            Err(error::beyond(number, 'S', percent, 1000.0))
+        }
         given => Ok(given),
     }
 }

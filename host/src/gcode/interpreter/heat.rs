@@ -7,9 +7,10 @@
 
 use super::{Interpreter, code_name, tenths, value};
 use crate::gcode::comments::Slicer;
-use crate::gcode::error::GcodeError;
 use crate::gcode::words::{Line, Word};
 use crate::job::heat::{BED, HOT_END, HeatOrder};
+use crate::text::refusal::{Refusal, refusal};
+use crate::text::short_number::Short;
 use headway_protocol::message::DECIDEGREES_MAX;
 
 /// The second hot end among the heaters.
@@ -45,7 +46,7 @@ impl Interpreter {
         word: &Word,
         line: &Line,
         number: usize,
-    ) -> Result<bool, GcodeError> {
+    ) -> Result<bool, Refusal> {
         let is_ours = self.found.comments.slicer == Slicer::Headway;
         match tenths(word) {
             code @ (1040 | 1090) => match value(line, b'T', number)? {
@@ -92,7 +93,7 @@ impl Interpreter {
         waits: bool,
         line: &Line,
         number: usize,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         let given = match value(line, b'S', number)? {
             None => value(line, b'R', number)?,
             given => given,
@@ -109,11 +110,7 @@ impl Interpreter {
 
     /// G10 and M568 of RepRapFirmware: S of tool P, which is the first without it. Its standby (R), its offsets
     /// and its state (A) are carried.
-    pub(super) fn tool_temperature(
-        &mut self,
-        line: &Line,
-        number: usize,
-    ) -> Result<(), GcodeError> {
+    pub(super) fn tool_temperature(&mut self, line: &Line, number: usize) -> Result<(), Refusal> {
         let tool = value(line, b'P', number)?.unwrap_or(0.0);
         let celsius = checked_c(value(line, b'S', number)?, number)?;
         let heater = match tool {
@@ -149,7 +146,7 @@ impl Interpreter {
     }
 
     /// M67 and M68 of our own text.
-    fn output(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+    fn output(&mut self, line: &Line, number: usize) -> Result<(), Refusal> {
         let given = checked(value(line, b'Q', number)?, number, most_c())?;
         match (output(value(line, b'E', number)?), given) {
             (Some((_, Some(heater))), Some(celsius)) => {
@@ -194,7 +191,7 @@ fn output(number: Option<f64>) -> Option<(u8, Option<u8>)> {
 }
 
 /// A target, °C: RepRapFirmware switches a heater off by absolute zero, which is written so or without decimals.
-fn checked_c(given: Option<f64>, line: usize) -> Result<Option<f64>, GcodeError> {
+fn checked_c(given: Option<f64>, line: usize) -> Result<Option<f64>, Refusal> {
     let is_off = |celsius: &f64| (-273.15..=-273.0).contains(celsius);
     match given.filter(is_off) {
         Some(_) => Ok(Some(0.0)),
@@ -208,15 +205,14 @@ pub(super) fn most_c() -> f64 {
 }
 
 /// A number from 0 to `most`.
-pub(super) fn checked(
-    given: Option<f64>,
-    line: usize,
-    most: f64,
-) -> Result<Option<f64>, GcodeError> {
+pub(super) fn checked(given: Option<f64>, line: usize, most: f64) -> Result<Option<f64>, Refusal> {
     match given {
-        Some(value) if !(0.0..=most).contains(&value) => {
-            Err(GcodeError::Heat { line, value, most })
-        }
+        Some(value) if !(0.0..=most).contains(&value) => Err(refusal!(
+            "line {line}: a target of {}: write 0 to {} (°C for heaters, M106 of 255 for \
+                 fans)",
+            Short(value),
+            Short(most)
+        )),
         given => Ok(given),
     }
 }

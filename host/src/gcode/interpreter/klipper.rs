@@ -6,9 +6,10 @@
 
 use super::Interpreter;
 use super::heat::{HOT_END_2, checked, most_c};
-use crate::gcode::error::GcodeError;
+use crate::gcode::error;
 use crate::gcode::words::shortened;
 use crate::job::heat::{BED, HOT_END, HeatOrder};
+use crate::text::refusal::Refusal;
 
 /// Longest length of G10 that is taken, mm.
 const RETRACT_MAX_MM: f64 = 1e3;
@@ -70,16 +71,14 @@ pub(super) fn text_of<'a>(command: &'a str, key: &str) -> Option<&'a str> {
 }
 
 /// The number of a key.
-pub(super) fn number_of(command: &str, key: &str, line: usize) -> Result<Option<f64>, GcodeError> {
+pub(super) fn number_of(command: &str, key: &str, line: usize) -> Result<Option<f64>, Refusal> {
     let Some(text) = text_of(command, key) else {
         return Ok(None);
     };
     let number = text.parse().ok().filter(|number: &f64| number.is_finite());
-    number.map(Some).ok_or_else(|| GcodeError::Parameter {
-        line,
-        key: key.to_string(),
-        text: shortened(text),
-    })
+    number
+        .map(Some)
+        .ok_or_else(|| error::parameter(line, key, &shortened(text)))
 }
 
 /// Names of macros, no codes with a text.
@@ -96,7 +95,7 @@ impl Interpreter {
         name: &str,
         command: &str,
         line: usize,
-    ) -> Result<bool, GcodeError> {
+    ) -> Result<bool, Refusal> {
         let is_done = match name.to_ascii_uppercase().as_str() {
             "SET_RETRACTION" => {
                 self.set_retraction(command, line)?;
@@ -151,7 +150,7 @@ impl Interpreter {
         name: &str,
         command: &str,
         line: usize,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         let name = name.to_ascii_uppercase();
         if self.printing_tool.is_some() || !is_name(&name) {
             return Ok(());
@@ -183,7 +182,7 @@ impl Interpreter {
     }
 
     /// Lengths of G10 and G11.
-    fn set_retraction(&mut self, command: &str, line: usize) -> Result<(), GcodeError> {
+    fn set_retraction(&mut self, command: &str, line: usize) -> Result<(), Refusal> {
         let mut given = [None; 2];
         for (slot, key) in ["RETRACT_LENGTH", "UNRETRACT_EXTRA_LENGTH"]
             .into_iter()
@@ -191,11 +190,11 @@ impl Interpreter {
         {
             given[slot] = number_of(command, key, line)?;
             if given[slot].is_some_and(|mm| mm.abs() > RETRACT_MAX_MM) {
-                return Err(GcodeError::Parameter {
+                return Err(error::parameter(
                     line,
-                    key: key.to_string(),
-                    text: text_of(command, key).map(shortened).unwrap_or_default(),
-                });
+                    key,
+                    &text_of(command, key).map(shortened).unwrap_or_default(),
+                ));
             }
         }
         self.retract_by(given[0], given[1]);
@@ -203,7 +202,7 @@ impl Interpreter {
     }
 
     /// A target, 0 where none is given.
-    fn set_heater(&mut self, command: &str, line: usize) -> Result<bool, GcodeError> {
+    fn set_heater(&mut self, command: &str, line: usize) -> Result<bool, Refusal> {
         let celsius = checked(number_of(command, "TARGET", line)?, line, most_c())?;
         let heater = text_of(command, "HEATER").and_then(heater_of);
         if let Some(heater) = heater {
@@ -213,7 +212,7 @@ impl Interpreter {
     }
 
     /// A wait, done where the heater's target lies within what is waited for: a job waits for targets.
-    fn temperature_wait(&mut self, command: &str, line: usize) -> Result<bool, GcodeError> {
+    fn temperature_wait(&mut self, command: &str, line: usize) -> Result<bool, Refusal> {
         let least_c = number_of(command, "MINIMUM", line)?;
         let most_c = number_of(command, "MAXIMUM", line)?;
         let heater = text_of(command, "SENSOR").and_then(heater_of);
@@ -233,7 +232,7 @@ impl Interpreter {
     }
 
     /// The part fan; others are carried.
-    fn set_fan(&mut self, command: &str, line: usize) -> Result<bool, GcodeError> {
+    fn set_fan(&mut self, command: &str, line: usize) -> Result<bool, Refusal> {
         let speed = checked(number_of(command, "SPEED", line)?, line, 1.0)?;
         let name = text_of(command, "FAN")
             .unwrap_or_default()

@@ -15,11 +15,13 @@ mod state;
 mod turned;
 mod undeclared;
 
+use crate::gcode::error;
+use crate::text::refusal::{Refusal, refusal};
+use crate::text::short_number::Short;
 pub use heat::HeatStep;
 
 use super::axes::{At, FileAxes, SLOTS};
 use super::comments::{Comments, Hint};
-use super::error::GcodeError;
 use super::extrusion::{Counted, Taken};
 use super::flavour::Flavour;
 use super::words::{Line, Word, lines, read_line, shortened};
@@ -107,7 +109,7 @@ pub struct Steps {
     /// What tells how E is meant.
     pub counted: Counted,
     /// Where another tool than the first moves by a feed: it matters where nothing extrudes.
-    pub second_tool: Option<GcodeError>,
+    pub second_tool: Option<Refusal>,
     /// How C turns while the tip moves, where nothing says what it is.
     winding: Winding,
 }
@@ -172,14 +174,14 @@ struct Interpreter {
 /// Reads all lines, as `flavour` has them, E as `taken`.
 ///
 /// # Errors
-/// [`GcodeError`], the first.
+/// [`Refusal`], the first.
 pub fn steps(
     text: &str,
     flavour: Flavour,
     taken: &Taken,
     is_said: bool,
     options: &GcodeOptions,
-) -> Result<Steps, GcodeError> {
+) -> Result<Steps, Refusal> {
     let mut interpreter = Interpreter {
         axes: options.axes.clone(),
         head_letters: options.head_letters,
@@ -286,7 +288,7 @@ impl Interpreter {
     }
 
     /// A command with a text or with parameters of any kind.
-    fn text(&mut self, command: &str, number: usize) -> Result<(), GcodeError> {
+    fn text(&mut self, command: &str, number: usize) -> Result<(), Refusal> {
         let name: String = command
             .split(|c: char| c.is_whitespace() || c == '"')
             .next()
@@ -302,7 +304,7 @@ impl Interpreter {
                 return Err(codes::no_corners(name, number));
             }
             _ if codes::is_computed(&name, command) => {
-                return Err(GcodeError::Computed { line: number });
+                return Err(error::computed(number));
             }
             _ => {
                 self.start_macro(&name, command, number)?;
@@ -312,7 +314,7 @@ impl Interpreter {
         Ok(())
     }
 
-    fn line(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+    fn line(&mut self, line: &Line, number: usize) -> Result<(), Refusal> {
         if let Some(command) = line.command {
             return self.text(command, number);
         }
@@ -329,11 +331,10 @@ impl Interpreter {
                             let first = first.clone();
                             let second = name;
                             let line = number;
-                            return Err(GcodeError::TwoMotions {
-                                line,
-                                first,
-                                second,
-                            });
+                            return Err(refusal!(
+                                "line {line}: two motions in one line ({first} and {second}): \
+                                 divide it"
+                            ));
                         }
                         motion = Some((next, name));
                     } else if code == 530 {
@@ -386,13 +387,13 @@ impl Interpreter {
         Ok(())
     }
 
-    fn length(&self, line: &Line, letter: u8, number: usize) -> Result<Option<f64>, GcodeError> {
+    fn length(&self, line: &Line, letter: u8, number: usize) -> Result<Option<f64>, Refusal> {
         let given = value(line, letter, number)?.map(|value| value * self.unit_mm);
         bounded(given, letter, number, EXTRUDER_MAX)
     }
 
     /// The line's F; true where there is one.
-    fn feed(&mut self, line: &Line, number: usize) -> Result<bool, GcodeError> {
+    fn feed(&mut self, line: &Line, number: usize) -> Result<bool, Refusal> {
         let Some(feed) = value(line, b'F', number)? else {
             return Ok(false);
         };
@@ -401,10 +402,10 @@ impl Interpreter {
             return Ok(false);
         }
         if !(feed > 0.0 && feed.is_finite()) {
-            return Err(GcodeError::Feed {
-                line: number,
-                value: feed,
-            });
+            return Err(refusal!(
+                "line {number}: F{} is no feed rate; it must be above 0",
+                Short(feed)
+            ));
         }
         let scale = if self.inverse_time { 1.0 } else { self.unit_mm };
         bounded(Some(feed * scale), b'F', number, FEED_MAX_MM_MIN)?;
@@ -412,7 +413,7 @@ impl Interpreter {
         Ok(true)
     }
 
-    fn firmware(&mut self, firmware: Firmware, line: usize) -> Result<(), GcodeError> {
+    fn firmware(&mut self, firmware: Firmware, line: usize) -> Result<(), Refusal> {
         self.push(self.at, 0.0, self.feed_mm_min / 60.0, false, firmware, line)
     }
 
@@ -424,9 +425,12 @@ impl Interpreter {
         rapid: bool,
         firmware: Firmware,
         line: usize,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         if self.found.steps.len() >= MOVES_MAX {
-            return Err(GcodeError::TooMany { line });
+            return Err(refusal!(
+                "line {line}: more than {MOVES_MAX} moves: print it in parts, or slice it more \
+                 coarsely"
+            ));
         }
         let place = self.place_of(&to, rapid);
         self.found.steps.push(Step {
@@ -474,34 +478,22 @@ fn motion_of(tenths: i64) -> Option<Motion> {
 }
 
 /// A word's number.
-fn value(line: &Line, letter: u8, number: usize) -> Result<Option<f64>, GcodeError> {
+fn value(line: &Line, letter: u8, number: usize) -> Result<Option<f64>, Refusal> {
     let word = line.words.iter().find(|word| word.letter == letter);
     match word {
         None => Ok(None),
         Some(Word {
             value: Some(value), ..
         }) => Ok(Some(*value)),
-        Some(Word { value: None, .. }) => Err(GcodeError::Number {
-            line: number,
-            letter: char::from(letter),
-            text: String::new(),
-        }),
+        Some(Word { value: None, .. }) => Err(error::number(number, char::from(letter), "")),
     }
 }
 
-fn bounded(
-    given: Option<f64>,
-    letter: u8,
-    line: usize,
-    most: f64,
-) -> Result<Option<f64>, GcodeError> {
+fn bounded(given: Option<f64>, letter: u8, line: usize, most: f64) -> Result<Option<f64>, Refusal> {
     match given {
-        Some(value) if !value.is_finite() || value.abs() > most => Err(GcodeError::Beyond {
-            line,
-            letter: char::from(letter),
-            value,
-            most,
-        }),
+        Some(value) if !value.is_finite() || value.abs() > most => {
+            Err(error::beyond(line, char::from(letter), value, most))
+        }
         given => Ok(given),
     }
 }

@@ -5,10 +5,11 @@
 use super::{EXTRUDER_MAX, Firmware, Interpreter, Motion, bounded};
 use crate::gcode::axes::{At, TURNS_FROM};
 use crate::gcode::curve_chords::{ArcWords, TURNS_MAX, arc_chords, bezier_chords};
-use crate::gcode::error::GcodeError;
+use crate::gcode::error;
 use crate::gcode::passes::{STILL_DEG, STILL_MM};
 use crate::gcode::words::Line;
 use crate::gcode::{ANGLE_MAX_DEG, PLACE_MAX_MM};
+use crate::text::refusal::{Refusal, refusal};
 use std::f64::consts::TAU;
 
 impl Interpreter {
@@ -18,12 +19,18 @@ impl Interpreter {
         line: &Line,
         number: usize,
         in_machine: bool,
-    ) -> Result<(), GcodeError> {
-        let motion = self.motion.ok_or(GcodeError::NoMotion { line: number })?;
+    ) -> Result<(), Refusal> {
+        let motion = self.motion.ok_or_else(|| {
+            refusal!(
+                "line {number}: it names an axis, and no G0 to G3 was there before: write the code"
+            )
+        })?;
         let rapid = motion == Motion::Line { rapid: true };
         let has_feed = self.feed(line, number)?;
         if self.inverse_time && !rapid && !has_feed {
-            return Err(GcodeError::NoInverseTime { line: number });
+            return Err(refusal!(
+                "line {number}: with G93 every G1, G2, G3 and G5 needs its own F"
+            ));
         }
         self.watch(line, number)?;
         let mut to = self.at;
@@ -67,7 +74,7 @@ impl Interpreter {
         self.curve_moves_left = self
             .curve_moves_left
             .checked_sub(places.len())
-            .ok_or(GcodeError::TooFine { line: number })?;
+            .ok_or_else(|| error::too_fine(number))?;
         self.along(&places, to, extruded, rapid, number)
     }
 
@@ -98,7 +105,7 @@ impl Interpreter {
         extruded: f64,
         rapid: bool,
         number: usize,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         let from = self.at;
         let mut way = vec![from];
         let count = places.len();
@@ -109,10 +116,10 @@ impl Interpreter {
             at[self.plane[0]] = place[0];
             at[self.plane[1]] = place[1];
             if place.iter().any(|mm| mm.abs() > PLACE_MAX_MM) {
-                return Err(GcodeError::Arc {
-                    line: number,
-                    problem: format!("leaves {PLACE_MAX_MM} mm: check I, J, K, P, Q and R"),
-                });
+                return Err(error::arc(
+                    number,
+                    &format!("leaves {PLACE_MAX_MM} mm: check I, J, K, P, Q and R"),
+                ));
             }
             way.push(at);
         }
@@ -174,7 +181,7 @@ impl Interpreter {
         clockwise: bool,
         prints: bool,
         number: usize,
-    ) -> Result<Vec<[f64; 2]>, GcodeError> {
+    ) -> Result<Vec<[f64; 2]>, Refusal> {
         let [u, v, _] = self.plane;
         let mut centre = [0.0; 2];
         let mut is_given = false;
@@ -213,12 +220,12 @@ impl Interpreter {
         turns: Option<f64>,
         radius_mm: f64,
         line: usize,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         let further = turns.map_or(0.0, |turns| (turns.floor() - 1.0).clamp(0.0, TURNS_MAX));
         self.turns_mm_left -= further * TAU * radius_mm.abs();
         match self.turns_mm_left >= 0.0 {
             true => Ok(()),
-            false => Err(GcodeError::TooFine { line }),
+            false => Err(error::too_fine(line)),
         }
     }
 
@@ -227,11 +234,8 @@ impl Interpreter {
         line: &Line,
         to: At,
         number: usize,
-    ) -> Result<Vec<[f64; 2]>, GcodeError> {
-        let bad = |problem: &str| GcodeError::Arc {
-            line: number,
-            problem: problem.to_string(),
-        };
+    ) -> Result<Vec<[f64; 2]>, Refusal> {
+        let bad = |problem: &str| error::arc(number, problem);
         if self.plane != [0, 1, 2] {
             return Err(bad("(G5) lies in the XY plane: write G17 before it"));
         }

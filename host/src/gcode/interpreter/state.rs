@@ -7,9 +7,10 @@
 use super::klipper::text_of;
 use super::{Interpreter, motion_of, tenths, value};
 use crate::gcode::axes::{At, SLOTS};
-use crate::gcode::error::GcodeError;
+use crate::gcode::error;
 use crate::gcode::flavour::Flavour;
 use crate::gcode::words::{Line, shortened};
+use crate::text::refusal::{Refusal, refusal};
 use std::collections::BTreeMap;
 
 /// Most states that are kept.
@@ -76,7 +77,7 @@ impl Interpreter {
     }
 
     /// M121.
-    pub(super) fn pop_state(&mut self, line: usize) -> Result<(), GcodeError> {
+    pub(super) fn pop_state(&mut self, line: usize) -> Result<(), Refusal> {
         let Some(kept) = self.saved.stack.pop() else {
             return Ok(());
         };
@@ -90,23 +91,25 @@ impl Interpreter {
             ..*state
         };
         if self.flavour == Flavour::Unknown && modes(&kept) != now {
-            return Err(GcodeError::Disputed {
+            return Err(error::disputed(
                 line,
-                code: "M121",
-                readings: "takes back the modes and the feed of M120 in RepRapFirmware and switches \
+                "M121",
+                "takes back the modes and the feed of M120 in RepRapFirmware and switches \
                            endstops in Marlin",
-            });
+            ));
         }
         self.set_modes(&kept);
         Ok(())
     }
 
     /// SAVE_GCODE_STATE.
-    pub(super) fn save_named(&mut self, command: &str, line: usize) -> Result<(), GcodeError> {
+    pub(super) fn save_named(&mut self, command: &str, line: usize) -> Result<(), Refusal> {
         let name = text_of(command, "NAME").unwrap_or("default");
         let is_full = self.saved.named.len() >= STATES_MAX;
         if is_full && !self.saved.named.contains_key(name) {
-            return Err(GcodeError::ManyStates { line });
+            return Err(refusal!(
+                "line {line}: more than 100 names of SAVE_GCODE_STATE: keep fewer states"
+            ));
         }
         let state = self.state();
         self.saved.named.insert(name.to_string(), state);
@@ -114,13 +117,13 @@ impl Interpreter {
     }
 
     /// RESTORE_GCODE_STATE: with MOVE=1 the head goes back.
-    pub(super) fn restore_named(&mut self, command: &str, line: usize) -> Result<(), GcodeError> {
+    pub(super) fn restore_named(&mut self, command: &str, line: usize) -> Result<(), Refusal> {
         let name = text_of(command, "NAME").unwrap_or("default");
         let Some(kept) = self.saved.named.get(name).copied() else {
-            return Err(GcodeError::NoState {
-                line,
-                name: shortened(name),
-            });
+            return Err(refusal!(
+                "line {line}: no SAVE_GCODE_STATE before it has the name '{name}'",
+                name = shortened(name)
+            ));
         };
         self.set_modes(&kept);
         (self.speed_factor, self.flow_factor) = (kept.speed_factor, kept.flow_factor);
@@ -142,7 +145,7 @@ impl Interpreter {
     }
 
     /// G92 without axes.
-    pub(super) fn bare_g92(&mut self, line: usize) -> Result<(), GcodeError> {
+    pub(super) fn bare_g92(&mut self, line: usize) -> Result<(), Refusal> {
         let is_zero = (0..SLOTS).all(|axis| self.at[axis] == self.offset[axis]);
         let e_is_zero = self.e == 0.0 || self.e_relative;
         match self.flavour {
@@ -153,12 +156,12 @@ impl Interpreter {
             }
             Flavour::Marlin | Flavour::Prusa | Flavour::RepRapFirmware => Ok(()),
             _ if is_zero && e_is_zero => Ok(()),
-            _ => Err(GcodeError::Disputed {
+            _ => Err(error::disputed(
                 line,
-                code: "G92",
-                readings: "without axes sets all of them to 0 in Klipper and nothing in Marlin and \
+                "G92",
+                "without axes sets all of them to 0 in Klipper and nothing in Marlin and \
                            RepRapFirmware",
-            }),
+            )),
         }
     }
 
@@ -168,7 +171,7 @@ impl Interpreter {
         line: &Line,
         prints: bool,
         number: usize,
-    ) -> Result<Option<f64>, GcodeError> {
+    ) -> Result<Option<f64>, Refusal> {
         let Some(given) = value(line, b'P', number)? else {
             return Ok(None);
         };
@@ -178,18 +181,18 @@ impl Interpreter {
             // Not read by either.
             Flavour::Klipper | Flavour::RepRapFirmware => Ok(None),
             Flavour::MachineTool => Ok(Some(given)),
-            Flavour::Unknown if prints => Err(GcodeError::Disputed {
-                line: number,
-                code: "P of an arc",
-                readings: "counts the turns that Marlin makes beside the arc, and in RS274/NGC those that \
+            Flavour::Unknown if prints => Err(error::disputed(
+                number,
+                "P of an arc",
+                "counts the turns that Marlin makes beside the arc, and in RS274/NGC those that \
                            the arc has",
-            }),
+            )),
             Flavour::Unknown => Ok(Some(given.max(1.0))),
         }
     }
 
     /// S of a spindle or a laser: in a line of M3, M4 or of moves.
-    pub(super) fn set_power(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+    pub(super) fn set_power(&mut self, line: &Line, number: usize) -> Result<(), Refusal> {
         let is_other = line.words.iter().any(|word| match word.letter {
             b'M' => !(30..60).contains(&tenths(word)),
             b'G' => motion_of(tenths(word)).is_none(),

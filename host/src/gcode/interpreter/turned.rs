@@ -8,11 +8,12 @@
 use super::klipper::{number_of, text_of};
 use super::{Firmware, Interpreter};
 use crate::gcode::axes::{At, FileAxes, SLOTS, TURNS_FROM};
-use crate::gcode::error::GcodeError;
+use crate::gcode::error;
 use crate::gcode::passes::{STILL_DEG, STILL_MM};
 use crate::gcode::words::Line;
 use crate::gcode::{ANGLE_MAX_DEG, PLACE_MAX_MM};
 use crate::settings::axes_words::FeedOf;
+use crate::text::refusal::Refusal;
 
 /// Tool axes nearer to Z than this are upright, as a sine.
 const UPRIGHT_MAX: f64 = 1e-6;
@@ -61,7 +62,7 @@ impl Interpreter {
         axis: usize,
         letter: u8,
         number: usize,
-    ) -> Result<Option<f64>, GcodeError> {
+    ) -> Result<Option<f64>, Refusal> {
         let is_linear = axis < TURNS_FROM;
         let scale = if is_linear { self.unit_mm } else { 1.0 };
         let given = super::value(line, letter, number)?.map(|value| value * scale);
@@ -133,7 +134,7 @@ impl Interpreter {
         extruded: f64,
         rapid: bool,
         number: usize,
-    ) -> Result<(), GcodeError> {
+    ) -> Result<(), Refusal> {
         let mut lengths = Lengths::default();
         let mut legs: Vec<(At, f64)> = Vec::new();
         for pair in way.windows(2) {
@@ -149,7 +150,7 @@ impl Interpreter {
         self.curve_moves_left = self
             .curve_moves_left
             .checked_sub(legs.len().saturating_sub(way.len() - 1))
-            .ok_or(GcodeError::TooFine { line: number })?;
+            .ok_or_else(|| error::too_fine(number))?;
         let mut tip = axes.pose(&way[0]).tip_mm;
         let tips_mm: Vec<f64> = legs
             .iter()
@@ -209,11 +210,7 @@ impl Interpreter {
     }
 
     /// MANUAL_STEPPER of a declared axis: it turns while the others stand; false for all others.
-    pub(super) fn manual_stepper(
-        &mut self,
-        command: &str,
-        line: usize,
-    ) -> Result<bool, GcodeError> {
+    pub(super) fn manual_stepper(&mut self, command: &str, line: usize) -> Result<bool, Refusal> {
         let name = text_of(command, "STEPPER").unwrap_or_default();
         let Some(axes) = &self.axes else {
             return self.watch_stepper(name, command, line);

@@ -1,6 +1,6 @@
 //! Letters that turn something of which nothing says what: the file is refused with what has to be said.
 //!
-//! In: the words of moves. Out: [`GcodeError::Axes`] with the line. A and B tilt a head or a table, U, V and W may be
+//! In: the words of moves. Out: a refusal with the line. A and B tilt a head or a table, U, V and W may be
 //! anything: they are asked for where they leave 0. C alone is the nozzle's heading, as [`super`] has always read it,
 //! unless it turns like a table: whole turns with the tip as good as standing, or with X alone. What Headway wrote
 //! says its letters itself.
@@ -8,8 +8,10 @@
 use super::Interpreter;
 use super::klipper::number_of;
 use crate::gcode::comments::Slicer;
-use crate::gcode::error::{AxesQuestion, GcodeError};
+use crate::gcode::error;
+use crate::gcode::error::AxesQuestion;
 use crate::gcode::words::Line;
+use crate::text::refusal::Refusal;
 
 /// Letters that no reading has without a word on them.
 const ASKED: [u8; 6] = *b"ABCUVW";
@@ -54,16 +56,12 @@ impl Interpreter {
         self.found.comments.slicer == Slicer::Headway
     }
 
-    fn ask(&self, line: usize, letter: u8, question: AxesQuestion) -> GcodeError {
-        GcodeError::Axes {
-            line,
-            name: char::from(letter).to_string(),
-            question,
-        }
+    fn ask(&self, line: usize, letter: u8, question: AxesQuestion) -> Refusal {
+        error::axes(line, char::from(letter), question)
     }
 
     /// Letters of a move that nobody declared.
-    pub(super) fn watch(&self, line: &Line, number: usize) -> Result<(), GcodeError> {
+    pub(super) fn watch(&self, line: &Line, number: usize) -> Result<(), Refusal> {
         if self.is_own() {
             return Ok(());
         }
@@ -117,7 +115,7 @@ impl Interpreter {
     }
 
     /// Asks what C is, where it turned like a table.
-    pub(super) fn ask_winding(&self) -> Result<(), GcodeError> {
+    pub(super) fn ask_winding(&self) -> Result<(), Refusal> {
         if self.is_own() || self.head_letters.is_some() || self.axes.is_some() {
             return Ok(());
         }
@@ -137,17 +135,13 @@ impl Interpreter {
         name: &str,
         command: &str,
         line: usize,
-    ) -> Result<bool, GcodeError> {
+    ) -> Result<bool, Refusal> {
         let turns = STEPPERS
             .iter()
             .any(|stepper| name.eq_ignore_ascii_case(stepper));
         let moves = number_of(command, "MOVE", line)?.is_some_and(|to| to != 0.0);
         match turns && moves && !self.is_own() {
-            true => Err(GcodeError::Axes {
-                line,
-                name: name.to_string(),
-                question: AxesQuestion::HeadOrTable,
-            }),
+            true => Err(error::axes(line, name, AxesQuestion::HeadOrTable)),
             false => Ok(false),
         }
     }

@@ -8,10 +8,12 @@
 use super::records::Entity;
 use super::syntax;
 use crate::geometry::{Point2, Vector2};
+use crate::input::POINTS_MAX;
+use crate::input::error;
 use crate::input::error::At;
 use crate::input::nurbs::{DEGREE_MAX, Nurbs};
 use crate::input::outline::{FAR_MAX_MM, RawRing};
-use crate::input::{InputError, POINTS_MAX};
+use crate::text::refusal::Refusal;
 use nalgebra::Vector4;
 use std::f64::consts::TAU;
 
@@ -34,7 +36,7 @@ pub(super) struct Flattener {
 
 impl Flattener {
     /// The chords of an entity.
-    pub fn piece(&mut self, entity: &Entity) -> Result<RawRing, InputError> {
+    pub fn piece(&mut self, entity: &Entity) -> Result<RawRing, Refusal> {
         let what = &entity.what;
         let (mut points, closed) = match entity.kind {
             "LINE" => (vec![self.mm(entity, 10), self.mm(entity, 11)], false),
@@ -61,29 +63,24 @@ impl Flattener {
     }
 
     /// Counts the points, and refuses coordinates that are not finite.
-    fn check(&mut self, what: &str, points: &[Point2]) -> Result<(), InputError> {
+    fn check(&mut self, what: &str, points: &[Point2]) -> Result<(), Refusal> {
         self.points += points.len();
         if self.points > POINTS_MAX {
-            return Err(InputError::TooManyPoints {
-                points: self.points,
-            });
+            return Err(error::too_many_points(self.points));
         }
         if points.is_empty() {
             return Err(syntax(format!("the {what} has no points")));
         }
         for (number, point) in points.iter().enumerate() {
             if !(point.x.is_finite() && point.y.is_finite()) {
-                return Err(InputError::BadPoint {
-                    ring: format!("the {what}"),
-                    point: number,
-                    problem: format!("[{}, {}] mm", point.x, point.y),
-                });
+                return Err(error::bad_point(
+                    &format!("the {what}"),
+                    number,
+                    &format!("[{}, {}] mm", point.x, point.y),
+                ));
             }
             if point.x.abs().max(point.y.abs()) > FAR_MAX_MM {
-                return Err(InputError::TooFar {
-                    at: At(*point),
-                    max_mm: FAR_MAX_MM,
-                });
+                return Err(error::too_far(At(*point), FAR_MAX_MM));
             }
         }
         Ok(())
@@ -112,7 +109,7 @@ impl Flattener {
     }
 
     /// Points of an arc, and whether it is whole, as a circle is.
-    fn arc(&self, entity: &Entity) -> Result<(Vec<Point2>, bool), InputError> {
+    fn arc(&self, entity: &Entity) -> Result<(Vec<Point2>, bool), Refusal> {
         let what = &entity.what;
         let radius_mm = entity.one(40, 0.0) * self.unit_mm;
         let [from, to] = [(50, 0.0), (51, 360.0)].map(|(c, d)| entity.one(c, d).to_radians());
@@ -135,7 +132,7 @@ impl Flattener {
     }
 
     /// Corners, each with the bulge of the edge after it.
-    fn bulged(&self, corners: &[(Point2, f64)], closed: bool) -> Result<Vec<Point2>, InputError> {
+    fn bulged(&self, corners: &[(Point2, f64)], closed: bool) -> Result<Vec<Point2>, Refusal> {
         let mut points: Vec<Point2> = Vec::with_capacity(corners.len());
         for (index, &(from, bulge)) in corners.iter().enumerate() {
             points.push(from);
@@ -161,7 +158,7 @@ impl Flattener {
             }));
             if points.len() > POINTS_MAX {
                 let points = points.len();
-                return Err(InputError::TooManyPoints { points });
+                return Err(error::too_many_points(points));
             }
         }
         Ok(points)
@@ -169,7 +166,7 @@ impl Flattener {
 
     /// Points of an ellipse or its arc, and whether it is whole. The second derivative is at most the
     /// longer half axis: a chord of the angle d is at most that times d² / 8 off.
-    fn ellipse(&self, entity: &Entity) -> Result<(Vec<Point2>, bool), InputError> {
+    fn ellipse(&self, entity: &Entity) -> Result<(Vec<Point2>, bool), Refusal> {
         let (what, side) = (&entity.what, upright(entity)?);
         let ratio = entity.one(40, 1.0);
         let major = self.mm(entity, 11).coords;
@@ -190,7 +187,7 @@ impl Flattener {
         Ok((points.collect(), is_whole))
     }
 
-    fn spline(&self, entity: &Entity) -> Result<Vec<Point2>, InputError> {
+    fn spline(&self, entity: &Entity) -> Result<Vec<Point2>, Refusal> {
         let what = &entity.what;
         let points: Vec<Point2> = self.points(entity).collect();
         let [knots, weights] = [40, 41].map(|code| entity.all(code).collect::<Vec<f64>>());
@@ -231,7 +228,7 @@ impl Flattener {
 
     /// Chords along a spline: each part between two knots in as many pieces as its degree, each
     /// halved until it is straight at a quarter, a half and three quarters.
-    fn along(&self, curve: &Nurbs) -> Result<Vec<Point2>, InputError> {
+    fn along(&self, curve: &Nurbs) -> Result<Vec<Point2>, Refusal> {
         let mut points: Vec<Point2> = Vec::new();
         for knot in curve.degree..curve.control.len() {
             let (low, high) = (curve.knots[knot], curve.knots[knot + 1]);
@@ -261,7 +258,7 @@ impl Flattener {
                 }
                 if points.len() > POINTS_MAX {
                     let points = points.len();
-                    return Err(InputError::TooManyPoints { points });
+                    return Err(error::too_many_points(points));
                 }
             }
         }
@@ -294,7 +291,7 @@ fn off_chord(place: Point2, start: Point2, end: Point2) -> f64 {
 }
 
 /// 1 for an entity drawn as seen from above, -1 from below; fails for a tilted one.
-fn upright(entity: &Entity) -> Result<f64, InputError> {
+fn upright(entity: &Entity) -> Result<f64, Refusal> {
     let tilt = entity.one(210, 0.0).hypot(entity.one(220, 0.0));
     let z = entity.one(230, 1.0);
     match tilt <= UPRIGHT * z.abs() && z != 0.0 {

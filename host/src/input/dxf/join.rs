@@ -7,9 +7,9 @@
 use crate::geometry::Point2;
 use crate::geometry::point_grid::PointGrid;
 use crate::geometry::polygon::Box2;
-use crate::input::InputError;
 use crate::input::error::At;
 use crate::input::outline::{RawRing, SIZE_MAX_MM};
+use crate::text::refusal::{Refusal, refusal};
 use std::collections::HashSet;
 
 /// Ends closer than this are joined, mm: drawing programs round to three digits and more.
@@ -30,7 +30,7 @@ pub(in crate::input) fn contours(
     scale: f64,
     may_branch: bool,
     notes: &mut Vec<String>,
-) -> Result<Vec<RawRing>, InputError> {
+) -> Result<Vec<RawRing>, Refusal> {
     let mut pieces = without_copies(pieces, notes);
     let count = pieces.len();
     let is_line = |piece: &RawRing| piece.closed || extent_mm(&piece.points) > SAME_MM / scale;
@@ -107,7 +107,7 @@ fn link(
     links: &mut [[Option<End>; 2]],
     (reach_mm, corner): (f64, Point2),
     [is_exact, may_branch]: [bool; 2],
-) -> Result<Vec<f64>, InputError> {
+) -> Result<Vec<f64>, Refusal> {
     let free: Vec<End> = (0..pieces.len())
         .filter(|&piece| !pieces[piece].closed)
         .flat_map(|piece| [(piece, false), (piece, true)])
@@ -139,7 +139,12 @@ fn link(
         }
         if within > 1 && (is_exact || may_branch || within >= ENDS_MAX) {
             if !may_branch {
-                return Err(InputError::Branch { at: At(at) });
+                return Err(refusal!(
+                    "more than two ends meet at {at}: a contour goes through each place once; \
+                     take the extra lines away, choose the outline's layers with --dxf-layer, or \
+                     print lines as beads with --centre-lines",
+                    at = At(at)
+                ));
             }
             best = None;
         }

@@ -13,18 +13,17 @@ pub(super) mod join;
 mod records;
 
 use super::outline::{Drawing, RawRing, Rule, Shape};
-use super::{InputError, ReadOptions, Units};
+use super::{ReadOptions, Units};
+use crate::input::error;
+use crate::text::refusal::Refusal;
 use curves::Flattener;
 
-fn syntax(problem: String) -> InputError {
-    InputError::Syntax {
-        format: "DXF",
-        problem,
-    }
+fn syntax(problem: String) -> Refusal {
+    error::syntax("DXF", &problem)
 }
 
 /// Reads the contours of a drawing.
-pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, InputError> {
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Refusal> {
     let text = text(bytes)?;
     let mut found = records::read(&text, &options.dxf_layers)?;
     if found.entities.is_empty() {
@@ -32,7 +31,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
             true => "it has no lines, arcs, circles, polylines, ellipses or splines".to_string(),
             false => found.notes.join("; "),
         };
-        return Err(InputError::NothingFilled { left_out });
+        return Err(error::nothing_filled(&left_out));
     }
     let mut notes = std::mem::take(&mut found.notes);
     let unit = match options.units {
@@ -65,7 +64,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
 }
 
 /// The text; bytes of another code page than UTF-8 only occur in names.
-fn text(bytes: &[u8]) -> Result<String, InputError> {
+fn text(bytes: &[u8]) -> Result<String, Refusal> {
     let problem = if bytes.starts_with(b"AutoCAD Binary DXF") || bytes.starts_with(b"AutoCAD DXB") {
         "it is binary; save it as ASCII DXF"
     } else if bytes.starts_with(b"AC10") {
@@ -80,7 +79,7 @@ fn text(bytes: &[u8]) -> Result<String, InputError> {
 }
 
 /// The drawing's unit, as `$INSUNITS` counts them.
-fn unit(number: Option<i32>, notes: &mut Vec<String>) -> Result<Units, InputError> {
+fn unit(number: Option<i32>, notes: &mut Vec<String>) -> Result<Units, Refusal> {
     Ok(match number {
         None | Some(0) => {
             notes.push("the drawing says no units; mm were taken (see --units)".to_string());
@@ -101,7 +100,7 @@ fn unit(number: Option<i32>, notes: &mut Vec<String>) -> Result<Units, InputErro
                 _ => "",
             };
             let given = format!("{name}$INSUNITS {other}");
-            return Err(InputError::UnknownUnits { given });
+            return Err(error::unknown_units(&given));
         }
     })
 }

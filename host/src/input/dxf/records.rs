@@ -7,8 +7,8 @@
 //! other than that of the layers.
 
 use super::syntax;
-use crate::input::InputError;
 use crate::input::names::{part_name, shortened};
+use crate::text::refusal::{Refusal, refusal};
 use std::collections::{BTreeMap, HashMap};
 
 /// Most entities that are read, corners of old polylines among them: each is joined to its neighbours.
@@ -103,7 +103,7 @@ struct Reader<'a> {
 }
 
 /// Reads the entities of a file.
-pub(super) fn read<'a>(text: &'a str, layers: &[String]) -> Result<Found<'a>, InputError> {
+pub(super) fn read<'a>(text: &'a str, layers: &[String]) -> Result<Found<'a>, Refusal> {
     let pairs = pairs(text)?;
     let mut reader = Reader {
         chosen: layers.iter().map(|name| name.to_lowercase()).collect(),
@@ -130,7 +130,7 @@ pub(super) fn read<'a>(text: &'a str, layers: &[String]) -> Result<Found<'a>, In
 }
 
 /// All pairs up to the end mark.
-fn pairs(text: &str) -> Result<Vec<Pair<'_>>, InputError> {
+fn pairs(text: &str) -> Result<Vec<Pair<'_>>, Refusal> {
     let mut lines = text.lines().zip(1..);
     let mut pairs = Vec::new();
     let mut last = 0;
@@ -162,7 +162,7 @@ fn pairs(text: &str) -> Result<Vec<Pair<'_>>, InputError> {
 }
 
 /// The sections, by name.
-fn sections<'a, 'b>(pairs: &'b [Pair<'a>]) -> Result<Vec<(&'a str, &'b [Pair<'a>])>, InputError> {
+fn sections<'a, 'b>(pairs: &'b [Pair<'a>]) -> Result<Vec<(&'a str, &'b [Pair<'a>])>, Refusal> {
     let mut sections = Vec::new();
     let mut rest: &[Pair] = pairs;
     while let Some(first) = rest.first() {
@@ -202,7 +202,7 @@ fn layer_of<'a>(group: &[Pair<'a>]) -> &'a str {
     value(group, 8).unwrap_or("0")
 }
 
-fn number(pair: &Pair) -> Result<f64, InputError> {
+fn number(pair: &Pair) -> Result<f64, Refusal> {
     let found = pair.value.parse::<f64>().ok();
     found.filter(|number| number.is_finite()).ok_or_else(|| {
         let (line, value) = (pair.line + 1, shortened(pair.value));
@@ -210,7 +210,7 @@ fn number(pair: &Pair) -> Result<f64, InputError> {
     })
 }
 
-fn whole(pair: &Pair) -> Result<i16, InputError> {
+fn whole(pair: &Pair) -> Result<i16, Refusal> {
     pair.value.parse::<i16>().map_err(|_| {
         let (line, value) = (pair.line + 1, shortened(pair.value));
         syntax(format!("line {line}: '{value}' is no whole number"))
@@ -235,7 +235,7 @@ fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
 }
 
 impl<'a> Reader<'a> {
-    fn header(&mut self, pairs: &[Pair]) -> Result<(), InputError> {
+    fn header(&mut self, pairs: &[Pair]) -> Result<(), Refusal> {
         for two in pairs.windows(2) {
             if (two[0].code, two[0].value, two[1].code) == (9, "$INSUNITS", 70) {
                 self.found.units = Some(i32::from(whole(&two[1])?));
@@ -274,21 +274,22 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn check_layers(&self, asked: &[String]) -> Result<(), InputError> {
+    fn check_layers(&self, asked: &[String]) -> Result<(), Refusal> {
         for (name, key) in asked.iter().zip(&self.chosen) {
             if !self.layers.contains_key(key) {
                 let mut there: Vec<&str> = self.layers.values().map(|l| l.name.as_str()).collect();
                 there.sort_unstable();
-                return Err(InputError::UnknownLayer {
-                    given: shortened(name),
-                    there: listed(there.into_iter()),
-                });
+                return Err(refusal!(
+                    "there is no layer '{given}'; the drawing has {there}",
+                    given = shortened(name),
+                    there = listed(there.into_iter())
+                ));
             }
         }
         Ok(())
     }
 
-    fn entities(&mut self, pairs: &[Pair<'a>]) -> Result<(), InputError> {
+    fn entities(&mut self, pairs: &[Pair<'a>]) -> Result<(), Refusal> {
         if pairs.first().is_some_and(|first| first.code != 0) {
             let line = pairs[0].line;
             return Err(syntax(format!("line {line}: an entity is due here")));
@@ -326,7 +327,7 @@ impl<'a> Reader<'a> {
     }
 
     /// True for an entity that is to be read; the others are counted.
-    fn is_wanted(&mut self, group: &[Pair<'a>]) -> Result<bool, InputError> {
+    fn is_wanted(&mut self, group: &[Pair<'a>]) -> Result<bool, Refusal> {
         let (kind, line) = (group[0].value, group[0].line);
         let key = layer_of(group).to_lowercase();
         let is_set = |code, bits: i32| {
@@ -357,7 +358,7 @@ impl<'a> Reader<'a> {
     }
 
     /// An entity of the groups that are read, with each number checked.
-    fn entity(&mut self, group: &[Pair<'a>], what: String) -> Result<Entity<'a>, InputError> {
+    fn entity(&mut self, group: &[Pair<'a>], what: String) -> Result<Entity<'a>, Refusal> {
         let (kind, line) = (group[0].value, group[0].line);
         let known = KINDS.iter().find(|known| known.0 == kind);
         let (needed, more) = known.map_or((&[][..], &[][..]), |known| (known.1, known.2));

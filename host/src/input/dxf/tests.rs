@@ -3,7 +3,8 @@
 //! pair; areas from formulas; bounds from the flattening's tolerance, 1 µm along the perimeter.
 
 use crate::geometry::polygon::Region;
-use crate::input::{Format, InputError, Loaded, ReadOptions, Units, read};
+use crate::input::{Format, Loaded, ReadOptions, Units, read};
+use crate::text::refusal::Refusal;
 use std::f64::consts::PI;
 
 fn pairs(given: &[(i32, &str)]) -> String {
@@ -73,7 +74,7 @@ fn layer(name: &str, flags: &str, colour: &str) -> String {
     pairs(&[(0, "LAYER"), (2, name), (70, flags), (62, colour)])
 }
 
-fn load(text: &str, options: &ReadOptions) -> Result<Loaded, InputError> {
+fn load(text: &str, options: &ReadOptions) -> Result<Loaded, Refusal> {
     read(text.as_bytes(), "part", Format::Dxf, options)
 }
 

@@ -20,7 +20,8 @@ use super::gcode::{GcodePiece, GcodePlan, place, plan_pieces, with_speeds};
 use super::layer_time::{SlowedLayers, lay_with_layer_times};
 use super::stop_room::with_stop_room;
 use crate::gcode::comments::Slicer;
-use crate::gcode::{BeadKind, GcodeError, GcodePass, GcodeProgram, HeatPlace, Leg, PlacedOrder};
+use crate::gcode::error::own_export;
+use crate::gcode::{BeadKind, GcodePass, GcodeProgram, HeatPlace, Leg, PlacedOrder};
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::plan::judge::figures::Swept;
@@ -31,6 +32,7 @@ use crate::plan::route::gcode_route::{GcodeRoute, GcodeWay, gcode_route};
 use crate::plan::route::moves::RouteMove;
 use crate::plan::route::travel::TravelWays;
 use crate::settings::Settings;
+use crate::text::refusal::{Refusal, refusal};
 use anew::{Anew, anew, is_alike};
 use headway_firmware::kinematics::winds;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS};
@@ -123,16 +125,19 @@ pub fn replan(
 }
 
 /// Refuses what does not say what its beads are.
-fn check(program: &GcodeProgram) -> Result<(), GcodeError> {
+fn check(program: &GcodeProgram) -> Result<(), Refusal> {
     if program.is_export() {
-        return Err(GcodeError::OwnExport);
+        return Err(own_export());
     }
     let legs = || program.passes.iter().flat_map(|pass| &pass.legs);
     let is_told = legs().any(|leg| leg.kind != BeadKind::Unknown);
     match legs().next() {
-        Some(first) if program.slicer == Slicer::Plain || !is_told => {
-            Err(GcodeError::NoKinds { line: first.line })
-        }
+        Some(first) if program.slicer == Slicer::Plain || !is_told => Err(refusal!(
+            "line {line}: a bead, and no comment before it says of what kind, as those of \
+                 PrusaSlicer, SuperSlicer, OrcaSlicer and Cura do: slice with one of them, or \
+                 plan the file along its lines (headway plan)",
+            line = first.line
+        )),
         _ => Ok(()),
     }
 }

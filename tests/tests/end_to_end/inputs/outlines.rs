@@ -3,15 +3,16 @@
 //! `examples/`, through the library's reader.
 
 use headway::geometry::polygon::Region;
-use headway::input::{Format, InputError, Loaded, ReadOptions, Units, read};
+use headway::input::{Format, Loaded, ReadOptions, Units, read};
 use headway::settings::machine_file;
+use headway::text::refusal::Refusal;
 use headway_tests::folders::files;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples");
 const REFERENCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
 
-fn load(path: &Path, options: &ReadOptions) -> Result<Loaded, InputError> {
+fn load(path: &Path, options: &ReadOptions) -> Result<Loaded, Refusal> {
     let bytes = std::fs::read(path).expect("file");
     let format = Format::of_ending(path).expect("ending");
     read(&bytes, "test", format, options)
