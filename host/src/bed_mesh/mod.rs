@@ -13,6 +13,7 @@ mod file;
 mod refined;
 mod surface;
 
+use crate::text::refusal::{Refusal, refusal};
 pub use file::{BedMeshFileError, from_toml, to_toml};
 
 use crate::job::SegmentStream;
@@ -51,46 +52,13 @@ pub struct BedMesh {
     pub fade_height_mm: f64,
 }
 
-/// Why a job cannot follow a bed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum BedMeshError {
-    /// The mesh is of another machine.
-    #[error(
-        "the mesh was probed with machine {mesh:08x}, the job is for {job:08x}; probe the bed again with the \
-         machine file of the job"
-    )]
-    Machine {
-        /// Machine of the mesh.
-        mesh: u32,
-        /// Machine of the job.
-        job: u32,
-    },
-    /// It is blended out so fast that layers would be too thick or too thin.
-    #[error(
-        "the bed is up to {} mm off its mean: blended out from {} to {} mm layers would be {} % off; a \
-         fade_height_mm of at least {} keeps to 5 %, a level bed is better",
-        Short(*deviation_mm),
-        Short(fade_mm[0]),
-        Short(fade_mm[1]),
-        Short(100.0 * deviation_mm / (fade_mm[1] - fade_mm[0])),
-        Short(fade_mm[0] + deviation_mm / LAYER_SHARE_MAX)
-    )]
-    Fade {
-        /// Largest distance from the mean.
-        deviation_mm: f64,
-        /// Start and end of the blend.
-        fade_mm: [f64; 2],
-    },
-    /// A joint cannot follow.
-    #[error("over this bed, {} s into the job: {}", Short(*at_s), fault_text(fault, *joint))]
-    Span {
-        /// Start of the span in the job.
-        at_s: f64,
-        /// The board's refusal.
-        fault: SpanFault,
-        /// Name of the joint that it counts, and whether that turns.
-        joint: (&'static str, bool),
-    },
+/// A joint cannot follow.
+pub fn span(at_s: f64, fault: SpanFault, joint: (&'static str, bool)) -> Refusal {
+    refusal!(
+        "over this bed, {} s into the job: {}",
+        Short(at_s),
+        fault_text(&fault, joint)
+    )
 }
 
 fn fault_text(fault: &SpanFault, (name, is_rotary): (&'static str, bool)) -> String {
@@ -116,18 +84,18 @@ fn fault_text(fault: &SpanFault, (name, is_rotary): (&'static str, bool)) -> Str
 /// The job over a bed: the same for the same mesh.
 ///
 /// # Errors
-/// [`BedMeshError`].
+/// [`Refusal`].
 pub fn over_bed(
     stream: &SegmentStream,
     mesh: &BedMesh,
     machine: &MachineConfiguration,
-) -> Result<SegmentStream, BedMeshError> {
+) -> Result<SegmentStream, Refusal> {
     let (of_mesh, of_job) = (mesh.machine_hash, machine.hash());
     if of_mesh != of_job {
-        return Err(BedMeshError::Machine {
-            mesh: of_mesh,
-            job: of_job,
-        });
+        return Err(refusal!(
+            "the mesh was probed with machine {of_mesh:08x}, the job is for {of_job:08x}; probe \
+             the bed again with the machine file of the job"
+        ));
     }
     mesh.check_fade()?;
     let mut over = refined(stream, SPAN_MM);
@@ -151,21 +119,27 @@ impl BedMesh {
         shifted
     }
 
-    fn check_fade(&self) -> Result<(), BedMeshError> {
+    fn check_fade(&self) -> Result<(), Refusal> {
         let deviation_mm = self.deviation_mm();
         let fade_mm = [self.fade_start_mm, self.fade_height_mm];
         if deviation_mm > LAYER_SHARE_MAX * (fade_mm[1] - fade_mm[0]) {
-            return Err(BedMeshError::Fade {
-                deviation_mm,
-                fade_mm,
-            });
+            return Err(refusal!(
+                "the bed is up to {} mm off its mean: blended out from {} to {} mm layers would \
+                 be {} % off; a fade_height_mm of at least {} keeps to 5 %, a level bed is \
+                 better",
+                Short(deviation_mm),
+                Short(fade_mm[0]),
+                Short(fade_mm[1]),
+                Short(100.0 * deviation_mm / (fade_mm[1] - fade_mm[0])),
+                Short(fade_mm[0] + deviation_mm / LAYER_SHARE_MAX)
+            ));
         }
         Ok(())
     }
 }
 
 /// Checks every span as the board will on arrival.
-fn check(stream: &SegmentStream, machine: &MachineConfiguration) -> Result<(), BedMeshError> {
+fn check(stream: &SegmentStream, machine: &MachineConfiguration) -> Result<(), Refusal> {
     let machine = stream.machine(machine);
     let mut loads = LoadModel::new(&machine);
     loads.take_units(&stream.units);
@@ -183,13 +157,13 @@ fn check(stream: &SegmentStream, machine: &MachineConfiguration) -> Result<(), B
     };
     for knot in &stream.knots {
         window.push(knot);
-        loads
-            .of_span(&window, &mut winding)
-            .map_err(|fault| BedMeshError::Span {
-                at_s: ticks as f64 / f64::from(machine.servo_hz),
-                joint: joint(&fault),
+        loads.of_span(&window, &mut winding).map_err(|fault| {
+            span(
+                ticks as f64 / f64::from(machine.servo_hz),
                 fault,
-            })?;
+                joint(&fault),
+            )
+        })?;
         ticks += u64::from(window.duration_ticks());
     }
     Ok(())

@@ -238,14 +238,11 @@ fn a_job_that_cannot_follow_is_refused_with_the_place() {
         ..good.clone()
     };
     let refused = over_bed(&stream, &short, machine).expect_err("too short");
-    assert!(matches!(refused, BedMeshError::Fade { .. }), "{refused}");
+    assert!(refused.to_string().contains("layers would be"), "{refused}");
     let deep = mesh([4, 4], |_, _| -15.0);
     let refused = over_bed(&stream, &deep, machine).expect_err("below the range");
     assert!(
-        matches!(
-            refused,
-            BedMeshError::Span { at_s, fault: SpanFault::SoftLimit(2, _), joint: ("z", false) } if at_s < 1.0
-        ),
+        refused.to_string().starts_with("over this bed, 0"),
         "{refused}"
     );
     assert!(
@@ -259,13 +256,10 @@ fn a_job_that_cannot_follow_is_refused_with_the_place() {
     let mut rippled = mesh([64, 64], |x, y| 3.0 * (x * 1.1).sin() * (y * 0.9).cos());
     rippled.fade_height_mm = 200.0;
     let refused = over_bed(&stream, &rippled, machine).expect_err("too fast");
-    assert!(
-        matches!(
-            refused,
-            BedMeshError::Span { fault: SpanFault::Limit(2, permille), .. } if permille > 1050
-        ),
-        "{refused}"
-    );
+    let text = refused.to_string();
+    let needed = text.split_once("motor 2 would need ").expect(&text).1;
+    let needed = needed.split_once(" times").expect(&text).0;
+    assert!(needed.parse::<f64>().unwrap() > 1.05, "{text}");
 }
 
 #[test]
