@@ -9,8 +9,9 @@ use super::configuration::{AXES, status_and_turn};
 use super::procedures::{Procedure, end_of};
 use super::text::{WRITTEN_BY, checked_number, digits, program_name, rounded_down, short};
 use super::walk::{Block, Place, Walk};
-use super::{Language, Program, ProgramError, ProgramFile, ProgramJob, ProgramOptions};
+use super::{Language, Program, ProgramFile, ProgramJob, ProgramOptions};
 use super::{OutputNumber, arm_of, in_files, output_number, stops_note};
+use crate::text::refusal::Refusal;
 use headway_firmware::configuration::Arm;
 
 /// Digits of angles in degrees.
@@ -46,7 +47,7 @@ pub(super) fn program(
     options: &ProgramOptions,
     walk: &Walk,
     procedures: Vec<Procedure>,
-) -> Result<Program, ProgramError> {
+) -> Result<Program, Refusal> {
     let krl = Krl::of(job, options, walk)?;
     let name = program_name(options)?;
     let (parts, stops) = in_files(procedures, options, |of| krl.procedure(of));
@@ -104,7 +105,7 @@ impl Krl<'_> {
         job: &ProgramJob<'a>,
         options: &ProgramOptions,
         walk: &Walk,
-    ) -> Result<Krl<'a>, ProgramError> {
+    ) -> Result<Krl<'a>, Refusal> {
         Ok(Krl {
             arm: arm_of(job.machine, Language::Krl)?,
             digits: digits(options),

@@ -26,6 +26,7 @@ pub mod walk;
 use crate::job::SegmentStream;
 use crate::settings::Settings;
 use crate::settings::pump::{PumpKind, PumpOutput};
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use procedures::{Procedure, procedures};
 use pump::OutputChanges;
@@ -168,49 +169,6 @@ pub struct Program {
     pub notes: Vec<String>,
 }
 
-/// Why no program is written.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ProgramError {
-    /// A machine whose joints the language does not move.
-    #[error(
-        "{language} is for {needs}; the job's machine is another: plan it with a machine file of that kind"
-    )]
-    Machine {
-        /// Its name.
-        language: &'static str,
-        /// Machines that it is for.
-        needs: &'static str,
-    },
-    /// A pose without joints.
-    #[error(
-        "{time_s:.3} s: the machine of the job has no joint positions for this pose; plan it again"
-    )]
-    NoJoints {
-        /// When.
-        time_s: f64,
-    },
-    /// A name that the language cannot have.
-    #[error("{option} {given}: {rule}")]
-    Name {
-        /// The option.
-        option: &'static str,
-        /// What was given.
-        given: String,
-        /// What it may be.
-        rule: &'static str,
-    },
-    /// A number out of its range.
-    #[error("{option} {given}: {rule}")]
-    Number {
-        /// The option.
-        option: &'static str,
-        /// What was given.
-        given: f64,
-        /// What it may be.
-        rule: &'static str,
-    },
-}
-
 /// Points a second up to which controllers blend without stopping: interpolation cycles of 4 to 12 ms, several a block.
 const POINTS_A_SECOND_TOLD: f64 = 40.0;
 /// Accepted tolerances, mm.
@@ -221,22 +179,20 @@ const KB_LEAST: u32 = 16;
 /// Writes a job as a program.
 ///
 /// # Errors
-/// [`ProgramError`].
-pub fn write_program(job: &ProgramJob, options: &ProgramOptions) -> Result<Program, ProgramError> {
+/// [`Refusal`].
+pub fn write_program(job: &ProgramJob, options: &ProgramOptions) -> Result<Program, Refusal> {
     let [least_mm, most_mm] = TOLERANCES_MM;
     if !(least_mm..=most_mm).contains(&options.tolerance_mm) {
-        return Err(ProgramError::Number {
-            option: "--tolerance",
-            given: options.tolerance_mm,
-            rule: "give 0.001 to 20 mm",
-        });
+        return Err(refusal!(
+            "--tolerance {given}: give 0.001 to 20 mm",
+            given = options.tolerance_mm
+        ));
     }
     if options.kb_max.is_some_and(|kb| kb < KB_LEAST) {
-        return Err(ProgramError::Number {
-            option: "--max-kb",
-            given: options.kb_max.map_or(0.0, f64::from),
-            rule: "give at least 16",
-        });
+        return Err(refusal!(
+            "--max-kb {given}: give at least 16",
+            given = options.kb_max.map_or(0.0, f64::from)
+        ));
     }
     let tolerances = Tolerances::of(options);
     let mut changes = OutputChanges::default();
@@ -322,7 +278,7 @@ fn output_number(
     [analog, digital]: [RangeInclusive<u32>; 2],
     (value, value_max): (f64, f64),
     rule: &'static str,
-) -> Result<Option<OutputNumber>, ProgramError> {
+) -> Result<Option<OutputNumber>, Refusal> {
     let Some(pump) = job.pump else {
         return Ok(None);
     };
@@ -331,11 +287,10 @@ fn output_number(
     let given = Some(pump.output.clone());
     let number = text::checked_number(&given, 0, "pump.output", known, rule)?;
     if value > value_max {
-        return Err(ProgramError::Number {
-            option: "pump.mm3_s_per_unit: the output's greatest value",
-            given: value,
-            rule: "it is above the output's range; set rate_max_mm3_s, or a pump with a larger scale",
-        });
+        return Err(refusal!(
+            "pump.mm3_s_per_unit: the output's greatest value {value}: it is above the output's \
+             range; set rate_max_mm3_s, or a pump with a larger scale"
+        ));
     }
     Ok(Some(OutputNumber { number, is_digital }))
 }
@@ -344,13 +299,14 @@ fn output_number(
 fn arm_of(
     machine: &MachineConfiguration,
     language: Language,
-) -> Result<&headway_firmware::configuration::Arm, ProgramError> {
+) -> Result<&headway_firmware::configuration::Arm, Refusal> {
     match &machine.kinematics {
         Kinematics::Arm6 { arm, .. } => Ok(arm),
-        _ => Err(ProgramError::Machine {
-            language: language.name(),
-            needs: "arms of six joints (kinematics = \"arm6\")",
-        }),
+        _ => Err(refusal!(
+            "{language} is for arms of six joints (kinematics = \"arm6\"); the job's machine is \
+             another: plan it with a machine file of that kind",
+            language = language.name()
+        )),
     }
 }
 

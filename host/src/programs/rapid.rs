@@ -10,9 +10,10 @@ use super::procedures::Procedure;
 use super::procedures::Step;
 use super::text::{WRITTEN_BY, checked_name, digits, program_name, rounded_down, short};
 use super::walk::{Block, Place, Walk};
-use super::{Language, Program, ProgramError, ProgramFile, ProgramJob, ProgramOptions};
+use super::{Language, Program, ProgramFile, ProgramJob, ProgramOptions};
 use super::{arm_of, in_files, stops_note};
 use crate::settings::pump::PumpKind;
+use crate::text::refusal::Refusal;
 use headway_firmware::configuration::Arm;
 use nalgebra::UnitQuaternion;
 
@@ -45,7 +46,7 @@ pub(super) fn program(
     options: &ProgramOptions,
     walk: &Walk,
     procedures: Vec<Procedure>,
-) -> Result<Program, ProgramError> {
+) -> Result<Program, Refusal> {
     let rule = "a name of RAPID has letters, digits and underscores, at most 32";
     let tool = checked_name(options.tool.as_ref(), "hw_nozzle", "--tool", 32, rule)?;
     let work_object = options.work_object.as_ref();

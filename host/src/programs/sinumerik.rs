@@ -8,9 +8,10 @@
 use super::procedures::Procedure;
 use super::text::{WRITTEN_BY, checked_number, digits, program_name, rounded_down, short};
 use super::walk::{Block, Place, Run, Walk};
-use super::{Language, Program, ProgramError, ProgramFile, ProgramJob, ProgramOptions};
+use super::{Language, Program, ProgramFile, ProgramJob, ProgramOptions};
 use super::{OutputNumber, in_files, output_number, stops_note};
 use crate::gcode::write::is_tilting;
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::Kinematics;
 
 /// Share of the tolerance that CTOL has: as large a rounding as the speeds need; with more, blocks are left too early for
@@ -50,7 +51,7 @@ pub(super) fn program(
     options: &ProgramOptions,
     walk: &Walk,
     procedures: Vec<Procedure>,
-) -> Result<Program, ProgramError> {
+) -> Result<Program, Refusal> {
     let nc = Sinumerik::of(job, options, walk)?;
     let name = program_name(options)?;
     let (parts, stops) = in_files(procedures, options, |of| nc.procedure(of));
@@ -109,23 +110,19 @@ pub(super) fn program(
 }
 
 impl Sinumerik {
-    fn of(
-        job: &ProgramJob,
-        options: &ProgramOptions,
-        walk: &Walk,
-    ) -> Result<Sinumerik, ProgramError> {
+    fn of(job: &ProgramJob, options: &ProgramOptions, walk: &Walk) -> Result<Sinumerik, Refusal> {
         if job.machine.kinematics != Kinematics::Planar || is_tilting(job.stream) {
-            return Err(ProgramError::Machine {
-                language: Language::Sinumerik.name(),
-                needs: "gantries that stay upright, with X, Y, Z and C (kinematics = \"planar\")",
-            });
+            return Err(refusal!(
+                "{language} is for gantries that stay upright, with X, Y, Z and C (kinematics = \
+                 \"planar\"); the job's machine is another: plan it with a machine file of that \
+                 kind",
+                language = Language::Sinumerik.name()
+            ));
         }
         if let Some(tool) = &options.tool {
-            return Err(ProgramError::Name {
-                option: "--tool",
-                given: tool.clone(),
-                rule: "the tool of a Sinumerik is the one that is active",
-            });
+            return Err(refusal!(
+                "--tool {tool}: the tool of a Sinumerik is the one that is active"
+            ));
         }
         Ok(Sinumerik {
             frame: checked_number(

@@ -1,7 +1,8 @@
 //! Numbers and names as programs have them.
 
-use super::{ProgramError, ProgramOptions};
+use super::ProgramOptions;
 pub(super) use crate::gcode::write::short;
+use crate::text::refusal::{Refusal, refusal};
 use std::ops::RangeInclusive;
 
 /// Longest name of a program: with the endings of layers RAPID's 32 and KRL's 24 characters.
@@ -25,7 +26,7 @@ pub(super) fn rounded_down(value: f64, digits: i32) -> f64 {
 }
 
 /// The program's name, where it is one in all four languages.
-pub(super) fn program_name(options: &ProgramOptions) -> Result<&str, ProgramError> {
+pub(super) fn program_name(options: &ProgramOptions) -> Result<&str, Refusal> {
     let given = Some(&options.name);
     let rule = "a program's name has letters, digits and underscores, a letter first, at most 16";
     checked_name(given, "", "--output", NAME_MAX, rule)
@@ -38,17 +39,16 @@ pub(super) fn checked_name<'a>(
     option: &'static str,
     most: usize,
     rule: &'static str,
-) -> Result<&'a str, ProgramError> {
+) -> Result<&'a str, Refusal> {
     let Some(name) = given else { return Ok(usual) };
     let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
     match is_plain && begins && name.len() <= most {
         true => Ok(name),
-        false => Err(ProgramError::Name {
-            option,
-            given: name.chars().take(40).collect(),
-            rule,
-        }),
+        false => Err(refusal!(
+            "{option} {given}: {rule}",
+            given = name.chars().take(40).collect::<String>()
+        )),
     }
 }
 
@@ -59,12 +59,13 @@ pub(super) fn checked_number(
     option: &'static str,
     known: RangeInclusive<u32>,
     rule: &'static str,
-) -> Result<u32, ProgramError> {
+) -> Result<u32, Refusal> {
     let Some(text) = given else { return Ok(usual) };
     let number = text.parse().ok().filter(|number| known.contains(number));
-    number.ok_or_else(|| ProgramError::Name {
-        option,
-        given: text.chars().take(40).collect(),
-        rule,
+    number.ok_or_else(|| {
+        refusal!(
+            "{option} {given}: {rule}",
+            given = text.chars().take(40).collect::<String>()
+        )
     })
 }

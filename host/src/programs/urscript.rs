@@ -8,8 +8,9 @@
 use super::procedures::{Procedure, end_of};
 use super::text::{WRITTEN_BY, checked_name, digits, program_name, rounded_down, short};
 use super::walk::{Block, Place, Walk};
-use super::{Language, Program, ProgramError, ProgramFile, ProgramJob, ProgramOptions};
+use super::{Language, Program, ProgramFile, ProgramJob, ProgramOptions};
 use super::{OutputNumber, in_files, output_number, stops_note};
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::Kinematics;
 use headway_firmware::kinematics::joint_channels;
 use headway_protocol::units::CHANNEL_HEADING;
@@ -35,7 +36,7 @@ pub(super) fn program(
     options: &ProgramOptions,
     walk: &Walk,
     procedures: Vec<Procedure>,
-) -> Result<Program, ProgramError> {
+) -> Result<Program, Refusal> {
     let ur = UrScript::of(job, options, walk)?;
     let name = program_name(options)?;
     let (parts, stops) = in_files(procedures, options, |of| ur.procedure(of));
@@ -110,27 +111,23 @@ fn numbers(tip_mm: [f64; 3], rotation: &Rotation3<f64>, digits: usize) -> String
 }
 
 impl UrScript {
-    fn of(
-        job: &ProgramJob,
-        options: &ProgramOptions,
-        walk: &Walk,
-    ) -> Result<UrScript, ProgramError> {
+    fn of(job: &ProgramJob, options: &ProgramOptions, walk: &Walk) -> Result<UrScript, Refusal> {
         let kinematics = &job.machine.kinematics;
         let is_arm = matches!(kinematics, Kinematics::Arm6 { .. });
         let has_nozzle = joint_channels(kinematics).contains(&Some(CHANNEL_HEADING));
         if is_arm && has_nozzle {
-            return Err(ProgramError::Machine {
-                language: Language::UrScript.name(),
-                needs: "arms that turn the nozzle by their wrist (without [joints.h]): a UR has no external axis",
-            });
+            return Err(refusal!(
+                "{language} is for arms that turn the nozzle by their wrist (without \
+                 [joints.h]): a UR has no external axis; the job's machine is another: plan it \
+                 with a machine file of that kind",
+                language = Language::UrScript.name()
+            ));
         }
         let rule = "a feature of the installation: letters, digits and underscores, at most 32";
         if let Some(tool) = &options.tool {
-            return Err(ProgramError::Name {
-                option: "--tool",
-                given: tool.clone(),
-                rule: "a UR's tool is the TCP that is active in the installation",
-            });
+            return Err(refusal!(
+                "--tool {tool}: a UR's tool is the TCP that is active in the installation"
+            ));
         }
         Ok(UrScript {
             frame: checked_name(

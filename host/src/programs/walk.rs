@@ -6,11 +6,12 @@
 
 use super::pace::pace;
 use super::pump::{OutputChange, OutputChanges};
-use super::{ProgramError, ProgramJob, ProgramOptions};
+use super::{ProgramJob, ProgramOptions};
 use crate::drive::joint_track::JointTrack;
 use crate::gcode::write::lines::{EvenHeading, LineTolerances, beside, move_ends};
 use crate::gcode::write::poses::Poses;
 use crate::job::MotionState;
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics, MachineConfiguration};
 use headway_firmware::kinematics::pose::Pose;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
@@ -145,12 +146,12 @@ impl Walk {
     /// Of a job.
     ///
     /// # Errors
-    /// [`ProgramError::NoJoints`].
+    /// [`Refusal`] where a pose has no joints.
     pub fn of(
         job: &ProgramJob,
         tolerances: &Tolerances,
         changes: &OutputChanges,
-    ) -> Result<Walk, ProgramError> {
+    ) -> Result<Walk, Refusal> {
         let machine = job.stream.machine(job.machine);
         let servo_hz = f64::from(machine.servo_hz);
         let mut walker = Walker {
@@ -309,7 +310,7 @@ struct Walker<'a> {
 }
 
 impl Walker<'_> {
-    fn first(&mut self) -> Result<Place, ProgramError> {
+    fn first(&mut self) -> Result<Place, Refusal> {
         let pose = self.poses.at(0);
         self.place(&pose, 0)
     }
@@ -320,7 +321,7 @@ impl Walker<'_> {
         [from, to]: [u64; 2],
         start: &Place,
         changes: &[OutputChange],
-    ) -> Result<Vec<Block>, ProgramError> {
+    ) -> Result<Vec<Block>, Refusal> {
         let poses: Vec<[f64; CHANNELS]> = (from..=to).map(|tick| self.poses.at(tick)).collect();
         let moves = |pose: &[f64; CHANNELS]| pose[..CHANNEL_VOLUME] != poses[0][..CHANNEL_VOLUME];
         if !poses.iter().any(moves) {
@@ -452,17 +453,18 @@ impl Walker<'_> {
         !matches!(&self.machine.kinematics, Kinematics::Arm6 { arm, .. } if arm.nozzle)
     }
 
-    fn joints(
-        &mut self,
-        pose: &[f64; CHANNELS],
-        tick: u64,
-    ) -> Result<[f64; JOINTS_MAX], ProgramError> {
+    fn joints(&mut self, pose: &[f64; CHANNELS], tick: u64) -> Result<[f64; JOINTS_MAX], Refusal> {
         let time_s = tick as f64 / self.servo_hz;
         let joints = self.track.joints(pose);
-        joints.ok_or(ProgramError::NoJoints { time_s })
+        joints.ok_or_else(|| {
+            refusal!(
+                "{time_s:.3} s: the machine of the job has no joint positions for this pose; plan \
+             it again"
+            )
+        })
     }
 
-    fn place(&mut self, pose: &[f64; CHANNELS], tick: u64) -> Result<Place, ProgramError> {
+    fn place(&mut self, pose: &[f64; CHANNELS], tick: u64) -> Result<Place, Refusal> {
         let joints = self.joints(pose, tick)?;
         let mut posed = Pose::from_channels(pose);
         let heading_rad = posed.heading_rad;

@@ -5,9 +5,7 @@
 use super::singular_places::machine;
 use super::wrist::{arm, target};
 use headway::joint_export::samples::{JointSample, joint_samples};
-use headway::programs::{
-    Language, Program, ProgramError, ProgramJob, ProgramOptions, write_program,
-};
+use headway::programs::{Language, Program, ProgramJob, ProgramOptions, write_program};
 use headway::settings::Settings;
 use headway::{Plan, plan_target};
 use headway_firmware::configuration::{Frame as ArmFrame, JOINTS_MAX, Kinematics};
@@ -48,7 +46,7 @@ pub(super) fn written(
     plan: &Plan,
     settings: &Settings,
     options: &ProgramOptions,
-) -> Result<Program, ProgramError> {
+) -> Result<Program, headway::text::refusal::Refusal> {
     let job = ProgramJob {
         stream: &plan.stream,
         machine: &settings.machine,
@@ -446,7 +444,9 @@ fn programs_do_what_the_job_does() {
     }
     let refused = written(&plan, &turned, &options(Language::UrScript));
     assert!(
-        matches!(refused, Err(ProgramError::Machine { .. })),
+        refused
+            .as_ref()
+            .is_err_and(|error| error.to_string().contains("the job's machine is another")),
         "{refused:?}"
     );
     let gantry = Settings::default();
