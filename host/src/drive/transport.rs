@@ -6,6 +6,7 @@
 
 #[cfg(feature = "serial")]
 use crate::drive::host_clock::HostClock;
+use crate::text::refusal::{Refusal, refusal};
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 #[cfg(unix)]
@@ -13,7 +14,6 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
-use thiserror::Error;
 
 /// How long a reader waits for bytes: the sender has to be polled this often.
 const WAIT: Duration = Duration::from_millis(2);
@@ -59,22 +59,14 @@ pub enum Port {
     Unix(PathBuf),
 }
 
-/// A text that does not name a port.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-pub enum PortError {
-    /// Nothing there.
-    #[error("port `{0}`: write a serial port's name, tcp:HOST:PORT or unix:PATH")]
-    Malformed(String),
-    /// No such thing here.
-    #[error("port `{0}`: this system has no unix sockets; use tcp:HOST:PORT")]
-    NoUnix(String),
-}
-
 impl FromStr for Port {
-    type Err = PortError;
+    type Err = Refusal;
 
-    fn from_str(text: &str) -> Result<Self, PortError> {
-        let malformed = || PortError::Malformed(text.chars().take(200).collect());
+    fn from_str(text: &str) -> Result<Self, Refusal> {
+        let malformed = || {
+            let text: String = text.chars().take(200).collect();
+            refusal!("port `{text}`: write a serial port's name, tcp:HOST:PORT or unix:PATH")
+        };
         if let Some(address) = text.strip_prefix("tcp:") {
             let (host, port) = address.rsplit_once(':').ok_or_else(malformed)?;
             if host.is_empty() || port.parse::<u16>().is_err() {
@@ -87,7 +79,9 @@ impl FromStr for Port {
                 return Err(malformed());
             }
             if cfg!(not(unix)) {
-                return Err(PortError::NoUnix(text.to_string()));
+                return Err(refusal!(
+                    "port `{text}`: this system has no unix sockets; use tcp:HOST:PORT"
+                ));
             }
             return Ok(Port::Unix(PathBuf::from(path)));
         }

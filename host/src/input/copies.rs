@@ -8,7 +8,7 @@ use crate::geometry::boolean::{filled, grown, intersection};
 use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::repair::FillRule;
 use crate::geometry::{Point2, Vector2};
-use thiserror::Error;
+use crate::text::refusal::{Refusal, refusal};
 
 /// Most parts on a bed.
 pub const COPIES_MAX: u32 = 1000;
@@ -20,70 +20,42 @@ const GAP_MM: f64 = 5.0;
 /// Accepted gaps, mm.
 const GAPS_MM: [f64; 2] = [0.2, 1000.0];
 
-/// Why parts cannot be placed so.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum CopiesError {
-    /// No gap.
-    #[error("--copy-gap {gap_mm}: write {} to {} mm", GAPS_MM[0], GAPS_MM[1])]
-    Gap {
-        /// The requested value.
-        gap_mm: f64,
-    },
-    /// The bed is too small.
-    #[error(
-        "{copies} parts of {width_mm:.3} x {height_mm:.3} mm with {gap_mm} mm between them do not fit on the work \
-         area: {fitting} do; print fewer --copies or lower --copy-gap"
-    )]
-    TooMany {
-        /// The requested number.
-        copies: u32,
-        /// Of one, along x.
-        width_mm: f64,
-        /// Of one, along y.
-        height_mm: f64,
-        /// Between them.
-        gap_mm: f64,
-        /// That fit.
-        fitting: u32,
-    },
-    /// Two parts touch.
-    #[error(
-        "parts {first} and {second} touch near ({:.3}, {:.3}): move one of their --at, or use --copies, which \
-         leaves --copy-gap between them",
-        .at.x, .at.y
-    )]
-    Touch {
-        /// One of them, from 1.
-        first: usize,
-        /// The other.
-        second: usize,
-        /// Where, coordinates of the first part's input.
-        at: Point2,
-    },
+/// Two parts touch.
+pub fn touch(first: usize, second: usize, at: Point2) -> Refusal {
+    refusal!(
+        "parts {first} and {second} touch near ({:.3}, {:.3}): move one of their --at, or use \
+         --copies, which leaves --copy-gap between them",
+        at.x,
+        at.y
+    )
 }
 
 /// The gap between copies: the requested one, or the default.
 ///
 /// # Errors
-/// [`CopiesError::Gap`].
-pub fn checked_gap_mm(asked: Option<f64>) -> Result<f64, CopiesError> {
+/// [`Refusal`].
+pub fn checked_gap_mm(asked: Option<f64>) -> Result<f64, Refusal> {
     let gap_mm = asked.unwrap_or(GAP_MM);
     match (GAPS_MM[0]..=GAPS_MM[1]).contains(&gap_mm) {
         true => Ok(gap_mm),
-        false => Err(CopiesError::Gap { gap_mm }),
+        false => Err(refusal!(
+            "--copy-gap {gap_mm}: write {} to {} mm",
+            GAPS_MM[0],
+            GAPS_MM[1]
+        )),
     }
 }
 
 /// Offsets of `copies` parts in rows with `gap_mm` between their boxes, on an area of this size.
 ///
 /// # Errors
-/// [`CopiesError::TooMany`].
+/// [`Refusal`].
 pub fn in_rows(
     copies: u32,
     part: Box2,
     gap_mm: f64,
     area_mm: [f64; 2],
-) -> Result<Vec<Vector2>, CopiesError> {
+) -> Result<Vec<Vector2>, Refusal> {
     let size = part.size();
     let pitch = size.add_scalar(gap_mm);
     let along = |axis: usize| {
@@ -94,13 +66,12 @@ pub fn in_rows(
     let fitting = columns_max * rows_max;
     // One that is too large for the machine is reported with its own size.
     if copies > fitting.max(1) {
-        return Err(CopiesError::TooMany {
-            copies,
-            width_mm: size.x,
-            height_mm: size.y,
-            gap_mm,
-            fitting,
-        });
+        return Err(refusal!(
+            "{copies} parts of {width_mm:.3} x {height_mm:.3} mm with {gap_mm} mm between them \
+             do not fit on the work area: {fitting} do; print fewer --copies or lower --copy-gap",
+            width_mm = size.x,
+            height_mm = size.y
+        ));
     }
     let used = |columns: u32| {
         let rows = copies.div_ceil(columns);
@@ -123,8 +94,8 @@ pub fn in_rows(
 /// there are, and where.
 ///
 /// # Errors
-/// [`CopiesError::Touch`].
-pub fn spread(layers: &mut [&mut Vec<Region>], offsets: &[Vector2]) -> Result<String, CopiesError> {
+/// [`Refusal`].
+pub fn spread(layers: &mut [&mut Vec<Region>], offsets: &[Vector2]) -> Result<String, Refusal> {
     check_apart(layers.iter().flat_map(|layer| layer.iter()), offsets)?;
     for layer in layers {
         **layer = copied(layer, offsets);
@@ -153,11 +124,11 @@ pub fn box_of(layers: &[&mut Vec<Region>]) -> Box2 {
 /// Refuses parts that touch; `outlines` are all outlines of one part.
 ///
 /// # Errors
-/// [`CopiesError::Touch`], the first pair.
+/// [`Refusal`], the first pair.
 pub fn check_apart<'a>(
     outlines: impl Iterator<Item = &'a Region>,
     offsets: &[Vector2],
-) -> Result<(), CopiesError> {
+) -> Result<(), Refusal> {
     let rings: Vec<_> = outlines.flat_map(Region::rings).cloned().collect();
     let corners: Vec<Point2> = rings.iter().flat_map(|ring| ring.points.clone()).collect();
     let size = Box2::of(&corners).grown(TOUCH_MM).size();
@@ -180,11 +151,7 @@ pub fn check_apart<'a>(
                 .first()
                 .and_then(|region| region.exterior.points.first())
             {
-                return Err(CopiesError::Touch {
-                    first: first + 1,
-                    second: second + 1,
-                    at: place + from,
-                });
+                return Err(touch(first + 1, second + 1, place + from));
             }
         }
     }
@@ -243,13 +210,15 @@ mod tests {
         let plate = part(20.0, 10.0);
         let offsets = [[0.0, 0.0], [30.0, 0.0], [45.0, 5.0]].map(|[x, y]| Vector2::new(x, y));
         let error = check_apart([plate].iter(), &offsets).unwrap_err();
-        let CopiesError::Touch { first, second, at } = &error else {
-            panic!("{error}");
-        };
-        assert_eq!((*first, *second), (2, 3));
+        let text = error.to_string();
+        let place = text
+            .strip_prefix("parts 2 and 3 touch near (")
+            .expect(&text);
+        let place = place.split_once(')').expect(&text).0;
+        let at: Vec<f64> = place.split(", ").map(|n| n.parse().unwrap()).collect();
         assert!(
-            (45.8..51.2).contains(&at.x) && (6.8..12.2).contains(&at.y),
-            "{at}"
+            (45.8..51.2).contains(&at[0]) && (6.8..12.2).contains(&at[1]),
+            "{text}"
         );
         let corner = region(&[&[
             [0.0, 0.0],

@@ -8,6 +8,7 @@
 
 use super::samples::{JointSample, names};
 use super::tables::JointTable;
+use crate::text::refusal::{Refusal, refusal};
 use std::io::{Result, Write};
 
 /// How the message is written.
@@ -19,53 +20,35 @@ pub enum TrajectoryFormat {
     Yaml,
 }
 
-/// Names that a robot's joints cannot have.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum JointNamesError {
-    /// Too many or too few.
-    #[error("{given} joint names for {joints} joints ({known}): give one for each, in this order")]
-    Count {
-        /// Names given.
-        given: usize,
-        /// Joints of the machine.
-        joints: usize,
-        /// Their names in the machine file.
-        known: String,
-    },
-    /// One that no robot's description has.
-    #[error("joint name {name:?}: write letters, digits, _ - . / only, each name once")]
-    Name {
-        /// The name.
-        name: String,
-    },
-}
-
 /// The given names where they are one for each joint; without any the machine file's.
 ///
 /// # Errors
-/// [`JointNamesError`].
+/// [`Refusal`].
 pub fn joint_names_of(
     table: &JointTable,
     given: Option<&[String]>,
-) -> std::result::Result<Vec<String>, JointNamesError> {
+) -> std::result::Result<Vec<String>, Refusal> {
     let known: Vec<&str> = names(table.machine).iter().map(|of| of.name).collect();
     let Some(given) = given else {
         return Ok(known.into_iter().map(str::to_string).collect());
     };
     if given.len() != known.len() {
-        return Err(JointNamesError::Count {
-            given: given.len(),
-            joints: known.len(),
-            known: known.join(", "),
-        });
+        return Err(refusal!(
+            "{given} joint names for {joints} joints ({known}): give one for each, in this \
+             order",
+            given = given.len(),
+            joints = known.len(),
+            known = known.join(", ")
+        ));
     }
     for (number, name) in given.iter().enumerate() {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c);
         let is_right = !name.is_empty() && name.chars().all(is_plain);
         if !is_right || given[..number].contains(name) {
-            return Err(JointNamesError::Name {
-                name: name.chars().take(40).collect(),
-            });
+            return Err(refusal!(
+                "joint name {name:?}: write letters, digits, _ - . / only, each name once",
+                name = name.chars().take(40).collect::<String>()
+            ));
         }
     }
     Ok(given.to_vec())
