@@ -9,7 +9,7 @@ use super::curved_layers::CurvedLayers;
 use super::{
     AXIS_TOLERANCE_MAX_DEG, HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings,
 };
-use crate::text::refusal::Refusal;
+use crate::text::refusal::{Refusal, refusal};
 
 /// What an option sets.
 trait Over<T> {
@@ -229,38 +229,17 @@ pub(crate) const OF_OUTLINES: &str = "--layers, --copies, --copy-gap, --walls, -
     --min-layer-time, --continuous-z, --max-layer-time, --skirt, --brim, --avoid-crossing, --seam, --seam-direction, \
     --skirt-distance-mm, --bridge-max, --pass, --law, --quality, --overlap";
 
-/// Options that cannot be used.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub(crate) enum OptionsError {
-    /// The aperture is none, or the settings are not possible, or not together.
-    #[error(transparent)]
-    Settings(#[from] Refusal),
-    /// Lines, and no walls that they are inside of.
-    #[error(
-        "lines and solid layers fill the ground inside the walls: say how many with --walls (without it \
-         every layer is solid)"
-    )]
-    NoWalls,
-    /// Density and spacing of the same lines.
-    #[error("--infill-spacing and --infill-density say the same in two ways: give one of them")]
-    SpacingAndDensity,
-    /// The gap between passes is no length.
-    #[error("--gap {gap_mm}: write a length in mm above 0, as in --gap 5")]
-    Gap {
-        /// What was given.
-        gap_mm: f64,
-    },
-    /// The first layer's speed is none, or above that of the others.
-    #[error(
-        "--first-layer-speed {speed_mm_s}: write a speed of {SPEED_MIN_MM_S} mm/s up to that of the other layers, \
-         {most_mm_s} mm/s (--speed)"
-    )]
-    FirstLayerSpeed {
-        /// What was given.
-        speed_mm_s: f64,
-        /// That of the others.
-        most_mm_s: f64,
-    },
+/// Lines, and no walls that they are inside of.
+pub fn no_walls() -> Refusal {
+    refusal!(
+        "lines and solid layers fill the ground inside the walls: say how many with --walls \
+         (without it every layer is solid)"
+    )
+}
+
+/// Density and spacing of the same lines.
+pub fn spacing_and_density() -> Refusal {
+    refusal!("--infill-spacing and --infill-density say the same in two ways: give one of them")
 }
 
 /// Slowest tip speed, mm/s, as machine files have it.
@@ -270,8 +249,8 @@ impl Options {
     /// The settings with these options.
     ///
     /// # Errors
-    /// [`OptionsError`]; the settings were checked, so that what fails is an option.
-    pub(crate) fn over(&self, mut settings: Settings) -> Result<Settings, OptionsError> {
+    /// [`Refusal`]; the settings were checked, so that what fails is an option.
+    pub(crate) fn over(&self, mut settings: Settings) -> Result<Settings, Refusal> {
         if let Some(text) = &self.aperture {
             settings.aperture = parse_aperture(text)?;
         }
@@ -283,20 +262,22 @@ impl Options {
         let most_mm_s = settings.speed_mm_s;
         match self.first_layer_speed_mm_s {
             Some(speed_mm_s) if !(SPEED_MIN_MM_S..=most_mm_s).contains(&speed_mm_s) => {
-                Err(OptionsError::FirstLayerSpeed {
-                    speed_mm_s,
-                    most_mm_s,
-                })
+                Err(refusal!(
+                    "--first-layer-speed {speed_mm_s}: write a speed of {SPEED_MIN_MM_S} mm/s \
+                     up to that of the other layers, {most_mm_s} mm/s (--speed)"
+                ))
             }
             _ => Ok(settings),
         }
     }
 
     /// Sets how runs of waypoints are taken.
-    fn set_runs(&self, settings: &mut Settings) -> Result<(), OptionsError> {
+    fn set_runs(&self, settings: &mut Settings) -> Result<(), Refusal> {
         if let Some(gap_mm) = self.gap_mm {
             if !(gap_mm > 0.0 && gap_mm.is_finite()) {
-                return Err(OptionsError::Gap { gap_mm });
+                return Err(refusal!(
+                    "--gap {gap_mm}: write a length in mm above 0, as in --gap 5"
+                ));
             }
             settings.gap_mm = Some(gap_mm);
         }
@@ -314,7 +295,7 @@ impl Options {
     }
 
     /// Walls and lines as the options change them.
-    fn infill(&self, of_file: Option<Infill>) -> Result<Option<Infill>, OptionsError> {
+    fn infill(&self, of_file: Option<Infill>) -> Result<Option<Infill>, Refusal> {
         let base = match (self.walls, of_file) {
             (Some(walls), None) => Some(Infill::solid(walls)),
             (Some(walls), Some(infill)) => Some(Infill { walls, ..infill }),
@@ -326,13 +307,13 @@ impl Options {
                 || self.infill_angle_rad.is_some();
             let of_solid = self.bottom_layers.is_some() || self.top_layers.is_some();
             return match of_lines || of_solid {
-                true => Err(OptionsError::NoWalls),
+                true => Err(no_walls()),
                 false => Ok(None),
             };
         };
         if self.infill_density_pct.is_some() {
             if self.infill_spacing_mm.is_some() {
-                return Err(OptionsError::SpacingAndDensity);
+                return Err(spacing_and_density());
             }
             infill.spacing_mm = None;
         }
@@ -374,10 +355,7 @@ mod tests {
             top_layers: Some(3),
             ..Options::default()
         };
-        assert_eq!(
-            without_walls.over(plain.clone()),
-            Err(OptionsError::NoWalls)
-        );
+        assert_eq!(without_walls.over(plain.clone()), Err(no_walls()));
         let still = Options {
             speed_mm_s: Some(0.0),
             ..Options::default()
@@ -425,7 +403,7 @@ mod tests {
             infill_density_pct: Some(40.0),
             ..options.clone()
         };
-        assert_eq!(both.over(wide), Err(OptionsError::SpacingAndDensity));
+        assert_eq!(both.over(wide), Err(spacing_and_density()));
         let both = text.replace("spacing_mm = 6\n", "spacing_mm = 6\ndensity_pct = 20\n");
         let refused = from_toml(&both).expect_err("two densities").to_string();
         assert!(refused.contains("not both"), "{refused}");
