@@ -8,8 +8,9 @@ use crate::drive::plan_curve::stream_ticks;
 use crate::drive::simulator::{Simulation, Simulator, SimulatorError, SimulatorSetup};
 use crate::drive::trace::{self, TraceFigures};
 use crate::job::SegmentStream;
-use crate::job::frames::{WireFrames, WireFramesError};
+use crate::job::frames::WireFrames;
 use crate::settings::Settings;
+use crate::text::refusal::Refusal;
 use std::time::Instant;
 use thiserror::Error;
 
@@ -18,7 +19,7 @@ use thiserror::Error;
 pub enum DryRunError {
     /// The stream cannot be packed.
     #[error(transparent)]
-    Frames(#[from] WireFramesError),
+    Frames(#[from] Refusal),
     /// The simulation could not be run to its end.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),

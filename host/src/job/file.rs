@@ -14,7 +14,7 @@
 //! Not covered: the outline and the pictures, which are made from the input.
 
 use crate::job::frame_writer::FrameWriter;
-use crate::job::frames::{WireFrames, WireFramesError};
+use crate::job::frames::WireFrames;
 use crate::job::heat::{HEAT_TEXT, HeatEvent, from_json};
 use crate::job::machine_parts::{part_texts, take_parts, with_parts_as_texts};
 use crate::job::transform::PartTransform;
@@ -165,8 +165,8 @@ impl JobFile {
     /// The stream, unpacked.
     ///
     /// # Errors
-    /// [`WireFramesError`] if a frame violates the protocol.
-    pub fn stream(&self) -> Result<SegmentStream, WireFramesError> {
+    /// [`Refusal`] if a frame violates the protocol.
+    pub fn stream(&self) -> Result<SegmentStream, Refusal> {
         let (knots, events) = self.frames.decode()?;
         Ok(SegmentStream {
             start: *self.frames.start(),

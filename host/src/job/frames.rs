@@ -5,6 +5,7 @@
 //! `headway_protocol::frame` adds sequence numbers and CRCs.
 
 use crate::job::SegmentStream;
+use crate::text::refusal::{Refusal, refusal};
 use crc::Digest;
 use headway_protocol::frame::{CRC, MESSAGE_BYTES_MAX};
 use headway_protocol::knot_block::{
@@ -13,43 +14,19 @@ use headway_protocol::knot_block::{
 use headway_protocol::message::{Finish, HostMessage};
 use headway_protocol::segment::{FlowEvent, Knot};
 use headway_protocol::units::{ChannelPoint, Units};
-use thiserror::Error;
 
 /// Maximum number of flow events sent ahead of their knots: those of one block. A controller whose
 /// event queue has twice that capacity never deadlocks.
 pub const EVENTS_AHEAD_MAX: usize = 4;
 
-/// Why frames are not a stream.
-#[derive(Debug, Error, PartialEq, Eq)]
-pub enum WireFramesError {
-    /// The stream cannot be sent as it is: a fault of the planner.
-    #[error("flow event {index} is in span {span}, but the stream has {knots} knots in order")]
-    EventOutOfOrder {
-        /// Index of the event.
-        index: usize,
-        /// Its span.
-        span: u32,
-        /// Knots of the stream.
-        knots: usize,
-    },
-    /// A payload is not a stream message.
-    #[error("frame {frame} is not a valid stream message ({why}); the data is damaged, plan again")]
-    BadFrame {
-        /// Index of the frame.
-        frame: usize,
-        /// The error.
-        why: &'static str,
-    },
-    /// The totals of the finish are not those of the frames before it.
-    #[error(
-        "the stream ends with {found} knots, {stated} were stated; it is incomplete, plan again"
-    )]
-    Totals {
-        /// Knots found.
-        found: u32,
-        /// Knots stated.
-        stated: u32,
-    },
+/// The stream cannot be sent as it is: a fault of the planner.
+pub fn event_out_of_order(index: usize, span: u32, knots: usize) -> Refusal {
+    refusal!("flow event {index} is in span {span}, but the stream has {knots} knots in order")
+}
+
+/// A payload is not a stream message.
+pub fn bad_frame(frame: usize, why: &'static str) -> Refusal {
+    refusal!("frame {frame} is not a valid stream message ({why}); the data is damaged, plan again")
 }
 
 /// One frame's payload end and the totals up to and including it.
@@ -81,7 +58,7 @@ impl WireFrames {
     }
 
     /// Packs a stream. Events must be ordered by span and within the stream.
-    pub fn encode(stream: &SegmentStream) -> Result<Self, WireFramesError> {
+    pub fn encode(stream: &SegmentStream) -> Result<Self, Refusal> {
         let mut frames = WireFrames::new(stream.start, stream.units);
         let mut packer = StreamPacker::new(stream.start);
         let mut push = |payload: &[u8], knots, events| frames.append(payload, knots, events);
@@ -146,9 +123,9 @@ impl WireFrames {
 
     /// Adds a payload as read from a file; totals are counted, contents are checked by
     /// [`WireFrames::decode`].
-    pub fn push_payload(&mut self, payload: &[u8]) -> Result<(), WireFramesError> {
+    pub fn push_payload(&mut self, payload: &[u8]) -> Result<(), Refusal> {
         let frame = self.entries.len();
-        let bad = |why| WireFramesError::BadFrame { frame, why };
+        let bad = |why| bad_frame(frame, why);
         let message = HostMessage::decode(payload).map_err(|_| bad("unreadable"))?;
         let (knots, events) = match message {
             // The count is in the block's first five bits.
@@ -163,12 +140,12 @@ impl WireFrames {
 
     /// Unpacks knots and events and checks order, totals and every field. Marks are not in the
     /// frames.
-    pub fn decode(&self) -> Result<(Vec<Knot>, Vec<FlowEvent>), WireFramesError> {
+    pub fn decode(&self) -> Result<(Vec<Knot>, Vec<FlowEvent>), Refusal> {
         let mut predictor = KnotPredictor::new(self.start);
         let mut knots = Vec::new();
         let mut events = Vec::new();
         for frame in 0..self.len() {
-            let bad = |why| WireFramesError::BadFrame { frame, why };
+            let bad = |why| bad_frame(frame, why);
             let message =
                 HostMessage::decode(self.payload(frame)).map_err(|_| bad("unreadable"))?;
             let is_last = frame + 1 == self.len();
@@ -243,12 +220,12 @@ impl StreamPacker {
     /// and events in them.
     ///
     /// # Errors
-    /// [`WireFramesError::EventOutOfOrder`].
+    /// [`Refusal`].
     pub fn add(
         &mut self,
         piece: &SegmentStream,
         emit: &mut impl FnMut(&[u8], u32, u32),
-    ) -> Result<(), WireFramesError> {
+    ) -> Result<(), Refusal> {
         check_events(piece)?;
         let before = (self.knots_done + self.knots.len()) as u32;
         self.knots.extend_from_slice(&piece.knots);
@@ -309,13 +286,13 @@ fn push(
     emit(payload, knots, events);
 }
 
-fn check_events(stream: &SegmentStream) -> Result<(), WireFramesError> {
+fn check_events(stream: &SegmentStream) -> Result<(), Refusal> {
     let knots = stream.knots.len();
     let mut span_before = 0;
     for (index, event) in stream.events.iter().enumerate() {
         if event.span < span_before || event.span as usize >= knots {
             let span = event.span;
-            return Err(WireFramesError::EventOutOfOrder { index, span, knots });
+            return Err(event_out_of_order(index, span, knots));
         }
         span_before = event.span;
     }
@@ -332,17 +309,16 @@ fn knots_before_event_limit(knots_done: usize, left: usize, events: &[FlowEvent]
     }
 }
 
-fn check_totals(
-    finish: &Finish,
-    knots: &[Knot],
-    events: &[FlowEvent],
-) -> Result<(), WireFramesError> {
+fn check_totals(finish: &Finish, knots: &[Knot], events: &[FlowEvent]) -> Result<(), Refusal> {
     let found = knots.len() as u32;
     if finish.knots == found && finish.events == events.len() as u32 {
         Ok(())
     } else {
         let stated = finish.knots;
-        Err(WireFramesError::Totals { found, stated })
+        Err(refusal!(
+            "the stream ends with {found} knots, {stated} were stated; it is incomplete, plan \
+             again"
+        ))
     }
 }
 
@@ -450,11 +426,7 @@ mod tests {
         assert!(short.decode().is_err());
         assert_eq!(
             WireFrames::encode(&stream(10, &[10])),
-            Err(WireFramesError::EventOutOfOrder {
-                index: 0,
-                span: 10,
-                knots: 10
-            })
+            Err(event_out_of_order(0, 10, 10))
         );
     }
 }

@@ -8,8 +8,9 @@
 
 use crate::job::file::{JobFileError, JobHeader};
 use crate::job::frame_writer::{FrameWriter, write_with_frames};
-use crate::job::frames::{StreamPacker, WireFramesError, digest_from};
+use crate::job::frames::{StreamPacker, digest_from};
 use crate::job::{Mark, SegmentStream, StreamFacts};
+use crate::text::refusal::Refusal;
 use crc::Digest;
 use headway_protocol::frame::{CRC, FRAME_OVERHEAD_BYTES};
 use headway_protocol::units::Units;
@@ -24,7 +25,7 @@ pub enum SpoolError {
     Io(#[from] io::Error),
     /// The stream is invalid.
     #[error("the plan cannot be packed: {0}")]
-    Frames(#[from] WireFramesError),
+    Frames(#[from] Refusal),
     /// The job cannot be written.
     #[error(transparent)]
     File(#[from] JobFileError),

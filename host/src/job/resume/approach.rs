@@ -5,9 +5,9 @@
 //! lowers). The tip is never below the first pose while it crosses. Not covered: obstacles on the machine, and
 //! machines with a tilting table or an arm's joints: they have no joint that lifts straight up.
 
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_protocol::units::{CHANNEL_Z, CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
-use thiserror::Error;
 
 /// Least height above the print while the head crosses it, mm: for warping of the part and blobs.
 pub const CLEARANCE_MM: f64 = 5.0;
@@ -29,37 +29,24 @@ pub struct Approach {
     pub above_mm: f64,
 }
 
-/// Why there is no approach.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-pub enum ApproachError {
-    /// No joint lifts straight up.
-    #[error(
-        "only machines that lift the head by one joint (planar, gantry) find the way back above a print: this one's \
-         table tilts, or it is an arm"
-    )]
-    NoLift,
-    /// The print reaches up to the end of Z.
-    #[error(
-        "the print is {top_mm:.2} mm high and Z ends at {end_mm:.2} mm: there is no room to cross above it"
-    )]
-    NoRoom {
-        /// Height of the print, mm.
-        top_mm: f64,
-        /// Height of the tip at the end of Z, mm.
-        end_mm: f64,
-    },
+/// No joint lifts straight up.
+pub fn no_lift() -> Refusal {
+    refusal!(
+        "only machines that lift the head by one joint (planar, gantry) find the way back above \
+         a print: this one's table tilts, or it is an arm"
+    )
 }
 
 /// The approach to `start`, in base units, above the print.
 ///
 /// # Errors
-/// [`ApproachError`].
+/// [`Refusal`].
 pub fn approach(
     start: ChannelPoint,
     top_mm: f64,
     lift_mm: f64,
     machine: &MachineConfiguration,
-) -> Result<Approach, ApproachError> {
+) -> Result<Approach, Refusal> {
     let units = UNITS_PER_NATURAL[CHANNEL_Z];
     let natural: [f64; CHANNELS] =
         std::array::from_fn(|c| f64::from(start[c]) / UNITS_PER_NATURAL[c]);
@@ -71,7 +58,7 @@ pub fn approach(
             pivot_length_mm * (1.0 - tilt_rad.cos())
         }
         Kinematics::Trunnion { .. } | Kinematics::Arm6 { .. } | Kinematics::Axes { .. } => {
-            return Err(ApproachError::NoLift);
+            return Err(no_lift());
         }
     };
     let top_mm = top_mm.max(natural[CHANNEL_Z]);
@@ -84,7 +71,10 @@ pub fn approach(
     let end_mm = end_of_z_mm + leaning_mm;
     let above_mm = wanted_mm.min(end_mm);
     if above_mm < top_mm + leaning_mm + CLEARANCE_LEAST_MM {
-        return Err(ApproachError::NoRoom { top_mm, end_mm });
+        return Err(refusal!(
+            "the print is {top_mm:.2} mm high and Z ends at {end_mm:.2} mm: there is no room to \
+             cross above it"
+        ));
     }
     let mut above = start;
     above[CHANNEL_Z] = (above_mm * units).floor() as i32;
@@ -117,10 +107,11 @@ mod tests {
         let end_mm = planar.joints[JOINT_Z].position_max;
         let way = approach(pose(2.0, 0.0), end_mm - 2.0, 1.0, &planar).unwrap();
         assert_eq!(f64::from(way.above[CHANNEL_Z]), end_mm * 1e4);
-        assert!(matches!(
-            approach(pose(2.0, 0.0), end_mm - 0.5, 1.0, &planar),
-            Err(ApproachError::NoRoom { .. })
-        ));
+        let refused = approach(pose(2.0, 0.0), end_mm - 0.5, 1.0, &planar).unwrap_err();
+        assert!(
+            refused.to_string().contains("mm high and Z ends at"),
+            "{refused}"
+        );
 
         let gantry = Settings::gantry().machine;
         let Kinematics::Gantry { pivot_length_mm } = gantry.kinematics else {
@@ -140,7 +131,7 @@ mod tests {
         };
         assert_eq!(
             approach(pose(2.0, 0.0), 4.0, 1.0, &trunnion),
-            Err(ApproachError::NoLift)
+            Err(no_lift())
         );
     }
 }

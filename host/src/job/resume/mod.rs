@@ -15,16 +15,15 @@ pub mod approach;
 mod reached;
 pub mod rest;
 
-pub use reached::{LoggedStream, Reached, ReachedError};
+use crate::text::refusal::Refusal;
+pub use reached::{LoggedStream, Reached};
 
 use crate::job::SegmentStream;
 use crate::job::heat::HeatEvent;
 use crate::settings::Settings;
-use crate::text::refusal::Refusal;
-use approach::{Approach, ApproachError, approach};
+use approach::{Approach, approach};
 use headway_firmware::configuration::MachineConfiguration;
 use rest::{Printed, Rest, check_flat, printed_between, printed_top_mm, rest_of};
-use thiserror::Error;
 
 /// Layer height of a job that does not contain its own, mm.
 const LAYER_MM: f64 = 0.2;
@@ -53,22 +52,11 @@ pub struct Parts {
     pub to_come: Printed,
 }
 
-/// Why it cannot begin again.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum ResumeError {
-    /// There is nothing to begin with.
-    #[error(transparent)]
-    Rest(#[from] Refusal),
-    /// There is no approach to it.
-    #[error(transparent)]
-    Approach(#[from] ApproachError),
-}
-
 /// A job from a pass on, and the approach to it. `reached` is the progress from a log; without one the pass's
 /// complete layer is assumed to exist.
 ///
 /// # Errors
-/// [`ResumeError`].
+/// [`Refusal`].
 pub fn resume(
     stream: &SegmentStream,
     heat: &[HeatEvent],
@@ -76,7 +64,7 @@ pub fn resume(
     reached: Option<Reached>,
     settings: Option<&Settings>,
     machine: &MachineConfiguration,
-) -> Result<Resumption, ResumeError> {
+) -> Result<Resumption, Refusal> {
     let layer_mm = settings.map_or(LAYER_MM, |settings| settings.layer_height_mm);
     check_flat(stream, pass, layer_mm)?;
     let rest = rest_of(stream, heat, pass)?;

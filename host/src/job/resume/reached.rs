@@ -5,10 +5,9 @@
 
 use super::rest::{pass_at, rest_of};
 use crate::job::SegmentStream;
-use crate::job::frames::{WireFrames, WireFramesError};
-use crate::text::refusal::Refusal;
+use crate::job::frames::WireFrames;
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::design::LINE_TICKS;
-use thiserror::Error;
 
 /// The last stream of a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,40 +41,23 @@ pub struct Reached {
     pub sent_tick: u64,
 }
 
-/// Why a log gives no progress of a job.
-#[derive(Debug, Error, PartialEq)]
-pub enum ReachedError {
-    /// The log of another job.
-    #[error(
-        "this is the log of job {logged:08x}, and the job given is {given:08x}: give the job file that was printed then, and the \
-         same --mesh"
-    )]
-    Foreign {
-        /// Of the log.
-        logged: u32,
-        /// Given.
-        given: u32,
-    },
-    /// What was left of the job then cannot be made again.
-    #[error(transparent)]
-    Rest(#[from] Refusal),
-    /// The same.
-    #[error(transparent)]
-    Frames(#[from] WireFramesError),
-}
-
 impl Reached {
     /// By the last stream of a log.
     ///
     /// # Errors
-    /// [`ReachedError`].
+    /// [`Refusal`].
     pub fn of(
         logged: &LoggedStream,
         stream: &SegmentStream,
         frames: &WireFrames,
-    ) -> Result<Reached, ReachedError> {
+    ) -> Result<Reached, Refusal> {
         let given = frames.job();
-        let foreign = |logged| Err(ReachedError::Foreign { logged, given });
+        let foreign = |logged| {
+            Err(refusal!(
+                "this is the log of job {logged:08x}, and the job given is {given:08x}: give the \
+             job file that was printed then, and the same --mesh"
+            ))
+        };
         let [done, sent] = match logged.rest_of {
             Some((job, _)) if job != given => return foreign(job),
             Some((_, pass)) => {
