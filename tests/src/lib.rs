@@ -33,6 +33,7 @@ pub mod limit_oracle;
 pub mod outlines;
 pub mod parts;
 pub mod plain_gcode;
+pub mod refusal_numbers;
 pub mod rig;
 pub mod robot_programs;
 pub mod routes;

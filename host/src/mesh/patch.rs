@@ -7,14 +7,19 @@
 
 use super::half_edges::ends;
 use super::{Mesh, Point3};
+use crate::text::refusal::{Refusal, refusal};
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
-/// An edge that no surface has.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NotManifold {
-    /// An end of it, mm.
-    pub at_mm: [f64; 3],
+/// An edge that no surface has, with an end of it, mm.
+fn no_sheet(at: &Point3) -> Refusal {
+    refusal!(
+        "the surface is no sheet near ({:.2}, {:.2}, {:.2}) mm: an edge has more than two triangles, triangles beside \
+         each other look to different sides, or two rims touch; mend the mesh there",
+        at.x,
+        at.y,
+        at.z
+    )
 }
 
 /// The edges of a patch: each by its ends as a triangle runs it, with the triangle.
@@ -23,15 +28,12 @@ struct RunEdges {
 }
 
 impl RunEdges {
-    fn of(mesh: &Mesh) -> Result<RunEdges, NotManifold> {
+    fn of(mesh: &Mesh) -> Result<RunEdges, Refusal> {
         let mut triangle_of = BTreeMap::new();
         for half_edge in 0..3 * mesh.triangles.len() as u32 {
             let run = ends(&mesh.triangles, half_edge);
             if triangle_of.insert(run, half_edge / 3).is_some() {
-                let at = mesh.vertices[run[0] as usize];
-                return Err(NotManifold {
-                    at_mm: at.coords.into(),
-                });
+                return Err(no_sheet(&mesh.vertices[run[0] as usize]));
             }
         }
         Ok(RunEdges { triangle_of })
@@ -45,17 +47,14 @@ impl RunEdges {
 /// The rims of a patch, the longest first.
 ///
 /// # Errors
-/// [`NotManifold`].
-pub fn rims(mesh: &Mesh) -> Result<Vec<Vec<u32>>, NotManifold> {
+/// [`Refusal`].
+pub fn rims(mesh: &Mesh) -> Result<Vec<Vec<u32>>, Refusal> {
     let edges = RunEdges::of(mesh)?;
     let mut next = BTreeMap::new();
     for &[from, to] in edges.triangle_of.keys() {
         if edges.other_side([from, to]).is_none() && next.insert(from, to).is_some() {
             // Two rims touch there.
-            let at = mesh.vertices[from as usize];
-            return Err(NotManifold {
-                at_mm: at.coords.into(),
-            });
+            return Err(no_sheet(&mesh.vertices[from as usize]));
         }
     }
     let mut rims = Vec::new();
@@ -104,10 +103,7 @@ pub fn chosen(mesh: &Mesh, is_chosen: impl Fn(usize) -> bool) -> Mesh {
 
 /// For each triangle the number of its connected part; parts are connected across edges that are
 /// not `held`.
-pub fn parts(
-    mesh: &Mesh,
-    is_held: impl Fn(usize) -> bool,
-) -> Result<Vec<Option<u32>>, NotManifold> {
+pub fn parts(mesh: &Mesh, is_held: impl Fn(usize) -> bool) -> Result<Vec<Option<u32>>, Refusal> {
     let edges = RunEdges::of(mesh)?;
     let mut part_of: Vec<Option<u32>> = vec![None; mesh.triangles.len()];
     let mut count = 0;
@@ -137,8 +133,8 @@ pub fn parts(
 /// The patch cut along its edges by the shortest path between two rims; `None` if there is none.
 ///
 /// # Errors
-/// [`NotManifold`].
-pub fn cut_open(mesh: &Mesh, from: &[u32], to: &[u32]) -> Result<Option<Mesh>, NotManifold> {
+/// [`Refusal`].
+pub fn cut_open(mesh: &Mesh, from: &[u32], to: &[u32]) -> Result<Option<Mesh>, Refusal> {
     let edges = RunEdges::of(mesh)?;
     let Some(way) = shortest(mesh, &edges, from, to) else {
         return Ok(None);
@@ -261,8 +257,8 @@ fn shortest(mesh: &Mesh, edges: &RunEdges, from: &[u32], to: &[u32]) -> Option<V
 /// The path along edges between the vertices nearest to two points; `None` where none leads there.
 ///
 /// # Errors
-/// [`NotManifold`].
-pub fn way_along(mesh: &Mesh, [from, to]: [Point3; 2]) -> Result<Option<Vec<u32>>, NotManifold> {
+/// [`Refusal`].
+pub fn way_along(mesh: &Mesh, [from, to]: [Point3; 2]) -> Result<Option<Vec<u32>>, Refusal> {
     let near = |point: Point3| {
         let away = |vertex: &u32| (mesh.vertices[*vertex as usize] - point).norm_squared();
         let all = 0..mesh.vertices.len() as u32;
@@ -423,10 +419,9 @@ mod tests {
         fin.vertices.push(Point3::new(9.0, 9.0, 9.0));
         fin.triangles.push([a, b, fin.vertices.len() as u32 - 1]);
         let refused = rims(&fin).unwrap_err();
-        assert_eq!(
-            refused.at_mm,
-            <[f64; 3]>::from(fin.vertices[a as usize].coords)
-        );
+        let at = fin.vertices[a as usize];
+        let place = format!("no sheet near ({:.2}, {:.2}, {:.2}) mm", at.x, at.y, at.z);
+        assert!(refused.to_string().contains(&place), "{refused}");
     }
 
     #[test]

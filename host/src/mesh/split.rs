@@ -4,8 +4,9 @@
 //! them, triangles cut along the planes, each with the number of the triangle that it was. Vertices on a cut are shared, so
 //! that the rims of the parts are sequences of vertices as those of any patch.
 
-use super::patch::{NotManifold, chosen, parts};
+use super::patch::{chosen, parts};
 use super::{Mesh, Point3};
+use crate::text::refusal::Refusal;
 use std::collections::BTreeMap;
 
 /// Vertices this close to a plane lie on it, mm: far below the accuracy of any machine, far above rounding.
@@ -111,8 +112,8 @@ impl Clipped {
     /// Its connected parts.
     ///
     /// # Errors
-    /// [`NotManifold`].
-    pub fn connected(&self) -> Result<Vec<Clipped>, NotManifold> {
+    /// [`Refusal`].
+    pub fn connected(&self) -> Result<Vec<Clipped>, Refusal> {
         let part_of = parts(&self.mesh, |_| false)?;
         let count = part_of.iter().flatten().max().map_or(0, |last| last + 1);
         let own = |part: u32| {

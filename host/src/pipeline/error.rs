@@ -2,15 +2,9 @@
 
 use super::surface::SurfaceError;
 use crate::geometry::Point2;
-use crate::plan::axis::medial_axis::MedialAxisError;
-use crate::plan::layers::layer_groups::TooLongError;
-use crate::plan::motion::best_place::NoPlaceError;
 use crate::plan::motion::motion_error::MotionError;
-use crate::plan::outline::contour::ContourError;
 use crate::plan::progress::Stopped;
-use crate::plan::route::lean::LeanError;
 use crate::plan::route::travel::TravelError;
-use crate::plan::route::waypoint_curve::WaypointCurveError;
 use crate::settings::Settings;
 use crate::text::refusal::{Refusal, refusal};
 
@@ -23,33 +17,15 @@ pub enum PlanError {
     /// What cannot be, or leaves nothing to print.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// The outline.
-    #[error(transparent)]
-    Contour(#[from] ContourError),
-    /// The medial axis.
-    #[error(transparent)]
-    MedialAxis(#[from] MedialAxisError),
-    /// No position on the table at which the complete run is reachable.
-    #[error(transparent)]
-    NoPlace(#[from] NoPlaceError),
     /// The motion exceeds a limit that slowing cannot correct.
     #[error(transparent)]
     Motion(MotionError),
-    /// The waypoints have no curve that can be planned.
-    #[error(transparent)]
-    Waypoints(#[from] WaypointCurveError),
-    /// The tool axis cannot tilt as required.
-    #[error(transparent)]
-    Lean(#[from] LeanError),
     /// The plan does not go onto its surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
     /// Travel around the keep-outs.
     #[error(transparent)]
     Travel(#[from] TravelError),
-    /// More path than a job has.
-    #[error(transparent)]
-    TooLong(#[from] TooLongError),
     /// What was planned cannot be handed on.
     #[error("{0}")]
     Output(String),

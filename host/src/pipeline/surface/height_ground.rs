@@ -4,7 +4,6 @@
 //! [`PatchChart`] with the way from the outline's plane into it. Heights are fitted to the mesh as far as the outline grown by a
 //! margin reaches; what lies beyond is as rough as it likes.
 
-use super::error::SurfaceError;
 use super::{MARGIN_MM, NEAR_SHARE, OFF_SHARE_MAX};
 use crate::geometry::chart::{Chart, PatchChart};
 use crate::geometry::conformal::{FlattenError, flattened};
@@ -14,6 +13,7 @@ use crate::geometry::spline_surface::{FittedSurface, SplineSurface};
 use crate::geometry::{Point2, Vector2};
 use crate::input::Target;
 use crate::mesh::height_map::HeightMap;
+use crate::pipeline::surface::error::{SurfaceError, not_flat, not_under, too_rough};
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::settings::Settings;
 use nalgebra::Vector3;
@@ -120,10 +120,7 @@ impl HeightGround {
                 }
             }
         }
-        Err(SurfaceError::NotFlat {
-            problem: found.0,
-            at_mm: [at.x, at.y, found.1],
-        })
+        Err(not_flat(found.0, [at.x, at.y, found.1]))
     }
 
     /// A place of the outline's plane in the chart.
@@ -140,7 +137,7 @@ impl HeightGround {
 pub fn under(map: &HeightMap, p: Point2) -> Result<(), SurfaceError> {
     match map.top_mm(p) {
         Some(_) => Ok(()),
-        None => Err(SurfaceError::NotUnder { at_mm: [p.x, p.y] }),
+        None => Err(not_under([p.x, p.y])),
     }
 }
 
@@ -169,16 +166,10 @@ impl Site {
         let near_mm = NEAR_SHARE * settings.layer_height_mm;
         let fitted = SplineSurface::through(&points, self.bounds, near_mm, 2.0 * self.step_mm);
         let at = self.walls.bounds().min;
-        let fitted = fitted.ok_or(SurfaceError::NotUnder {
-            at_mm: [at.x, at.y],
-        })?;
+        let fitted = fitted.ok_or_else(|| not_under([at.x, at.y]))?;
         let most_mm = OFF_SHARE_MAX * settings.layer_height_mm;
         if fitted.off_mm > most_mm {
-            return Err(SurfaceError::TooRough {
-                off_mm: fitted.off_mm,
-                most_mm,
-                at_mm: fitted.off_at,
-            });
+            return Err(too_rough(fitted.off_mm, most_mm, fitted.off_at));
         }
         Ok(fitted)
     }

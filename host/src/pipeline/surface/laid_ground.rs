@@ -2,19 +2,21 @@
 //!
 //! In: a chart and the regions in it (mm). Out: [`OnSurface`], or why not, with the place.
 
-use super::{ChartJob, OFF_SHARE_MAX, SurfaceError, middle_mm};
+use super::{ChartJob, OFF_SHARE_MAX, middle_mm};
 use crate::geometry::chart::{Chart, PatchChart, sharpest_bend_per_mm};
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::place_scale::ScaleField;
 use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::{Point2, Vector2};
 use crate::pipeline::open_ground::OpenGround;
+use crate::pipeline::surface::error::{SurfaceError, spot};
 use crate::plan::judge::ground_sweep::LayerSwept;
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::route::clear_travel::UPRIGHT_RAD;
-use crate::plan::route::surface::LayerFoldsError;
+use crate::plan::route::surface::layer_folds;
 use crate::settings::Settings;
+use crate::text::refusal::refusal;
 use headway_protocol::units::{CHANNEL_X, CHANNELS};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -110,10 +112,12 @@ impl OnSurface {
         let (tilt_max_rad, at) = looked.tilt;
         let tilts = settings.tilts();
         if tilt_max_rad > UPRIGHT_RAD && !tilts {
-            return Err(SurfaceError::CannotTilt {
-                slope_deg: tilt_max_rad.to_degrees(),
-                at_mm: at.into(),
-            });
+            return Err(SurfaceError::Refused(refusal!(
+                "the surface slopes by {:.1}° near {}, and this machine's head does not tilt; plan for another machine \
+                 (--machine)",
+                tilt_max_rad.to_degrees(),
+                spot(at.into())
+            )));
         }
         let sharp_bend = sharp_bend(&looked, settings)?;
         let [least, most] = scales(&looked)?;
@@ -210,10 +214,8 @@ fn scale_of(
     let above_mm = middle_mm(settings);
     let scale = ScaleField::of(chart, bounds, is_ground, above_mm);
     scale.ok_or_else(|| {
-        SurfaceError::Folds(LayerFoldsError {
-            above_mm,
-            at_mm: chart.frame(bounds.min, 0.0).tip_mm.into(),
-        })
+        let at_mm = chart.frame(bounds.min, 0.0).tip_mm;
+        SurfaceError::TooRough(layer_folds(above_mm, at_mm.into()))
     })
 }
 
@@ -226,11 +228,13 @@ fn sharp_bend(looked: &Looked, settings: &Settings) -> Result<Option<SharpBend>,
     };
     let share = bend.off_mm / settings.layer_height_mm;
     if share > OFF_SHARE_MAX {
-        return Err(SurfaceError::BendsTooSharply {
-            radius_mm: bend.radius_mm,
-            off_mm: bend.off_mm,
-            at_mm: bend.at_mm,
-        });
+        return Err(SurfaceError::TooRough(refusal!(
+            "the surface bends with a radius of {:.2} mm near {}: the ends of a flat nozzle are {:.2} mm off it there, \
+             more than half a layer; keep the outline off the edge, round it, or use a smaller --aperture",
+            bend.radius_mm,
+            spot(bend.at_mm),
+            bend.off_mm
+        )));
     }
     Ok((share > HANG_SHARE).then_some(bend))
 }
@@ -240,12 +244,13 @@ fn scales(looked: &Looked) -> Result<[f64; 2], SurfaceError> {
         return Ok([1.0; 2]);
     };
     if most / least > RANGE_MAX {
-        return Err(SurfaceError::ScaleRanges {
-            range: most / least,
-            most: RANGE_MAX,
-            at_mm: most_at.into(),
-            least_at_mm: least_at.into(),
-        });
+        return Err(SurfaceError::NotFlat(refusal!(
+            "flattened, the surface is {:.2} times larger near {} than near {}, more than {RANGE_MAX:.1} times; cut \
+             it into smaller patches",
+            most / least,
+            spot(most_at.into()),
+            spot(least_at.into())
+        )));
     }
     Ok([least, most])
 }

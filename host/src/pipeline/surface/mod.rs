@@ -17,6 +17,7 @@ mod laid_ground;
 mod patch_ground;
 mod patches;
 
+use crate::text::refusal::refusal;
 pub use error::SurfaceError;
 pub use laid_ground::{OnSurface, Seams, SharpBend};
 
@@ -30,6 +31,7 @@ use crate::mesh::height_map::HeightMap;
 use crate::pipeline::error::all_kept_out;
 use crate::pipeline::placed_passes::{PlacedPasses, placed_passes};
 use crate::pipeline::stack::{Stack, route_stack};
+use crate::pipeline::surface::error::spot;
 use crate::pipeline::{Plan, PlanError, start_pose};
 use crate::plan::judge::figures::Swept;
 use crate::plan::judge::ground_sweep::{CurvedGround, sweep_ground};
@@ -127,9 +129,7 @@ pub fn plan_on_patch(
     settings.check()?;
     let whole = laid_on_patch(outline, mesh, false, settings);
     let laid = match whole {
-        Err(SurfaceError::NotFlat { .. } | SurfaceError::ScaleRanges { .. })
-            if PatchGround::may_be_cut(mesh) =>
-        {
+        Err(SurfaceError::NotFlat(_)) if PatchGround::may_be_cut(mesh) => {
             laid_on_patch(outline, mesh, true, settings)
         }
         whole => whole,
@@ -232,7 +232,7 @@ impl ChartJob {
             scale: &laid.scale,
             volume_factor: None,
         };
-        let moves = on_surface(&routed.route, &on, settings).map_err(SurfaceError::from)?;
+        let moves = on_surface(&routed.route, &on, settings)?;
         let regions = routed.kinds.iter().take(1).flat_map(|kind| &kind.regions);
         let unreachable = regions.flat_map(|region| {
             let offset = region.contour.offset;
@@ -303,11 +303,13 @@ fn placed(
     let touches = touches_on(&route, settings, &points);
     let mut touch = touches.iter().flat_map(|touches| &touches.deepest);
     if let Some(touch) = touch.find(|touch| touch.obstacle == Obstacle::Surface) {
-        return Err(PlanError::Surface(SurfaceError::HeadTouches {
-            part: touch.part,
-            depth_mm: touch.depth_mm,
-            at_mm: transform.to_input(touch.tip_mm),
-        }));
+        return Err(PlanError::Surface(SurfaceError::Refused(refusal!(
+            "{} would be {:.2} mm in the surface with the tip at {} ([head] in the machine file): a smaller head, a longer \
+             nozzle, or an outline that keeps off the hollow",
+            touch.part.name(),
+            touch.depth_mm,
+            spot(transform.to_input(touch.tip_mm))
+        ))));
     }
     Ok(PlacedRoute {
         route,

@@ -5,7 +5,6 @@
 //! outline the smaller side of it is taken, with a margin. Ground that closes around is cut open along the shortest way
 //! between its two longest rims, and both sides of the cut are walls.
 
-use super::error::SurfaceError;
 use super::laid_ground::{divided, region_within};
 use super::{MARGIN_MM, NEAR_SHARE, OFF_SHARE_MAX, middle_mm};
 use crate::geometry::Point2;
@@ -15,7 +14,9 @@ use crate::geometry::polygon::{Region, Ring};
 use crate::input::space_outline::SpaceOutline;
 use crate::mesh::patch::{chosen, cut_open, nearest, parts, rims};
 use crate::mesh::{Mesh, Point3};
+use crate::pipeline::surface::error::{SurfaceError, closed, not_flat, too_rough};
 use crate::settings::Settings;
+use crate::text::refusal::refusal;
 use nalgebra::Vector3;
 
 /// Most vertices of a patch that is flattened whole.
@@ -57,16 +58,12 @@ impl PatchGround {
         let mut own_rims = rims(&patch)?;
         if own_rims.is_empty() {
             let at = patch.vertices.first().copied().unwrap_or_default();
-            return Err(SurfaceError::Closed {
-                at_mm: at.coords.into(),
-            });
+            return Err(closed(at.coords.into()));
         }
         if cut {
             let [from, to] = [own_rims.first(), own_rims.get(1)].map(|rim| rim.cloned());
             let (Some(from), Some(to)) = (from, to) else {
-                return Err(SurfaceError::Closed {
-                    at_mm: patch.vertices[0].coords.into(),
-                });
+                return Err(closed(patch.vertices[0].coords.into()));
             };
             if let Some(open) = cut_open(&patch, &from, &to)? {
                 patch = open;
@@ -107,10 +104,7 @@ pub(super) fn charted(
             FlattenError::Empty => 0,
         };
         let at = places.get(vertex).copied().unwrap_or_default();
-        SurfaceError::NotFlat {
-            problem,
-            at_mm: at.into(),
-        }
+        not_flat(problem, at.into())
     })?;
     let vertices: Vec<_> = places.into_iter().zip(flat.iter().copied()).collect();
     let mut inner = Vec::new();
@@ -120,18 +114,11 @@ pub(super) fn charted(
     let height_mm = settings.layer_height_mm;
     let chart = PatchChart::through(&vertices, &inner, NEAR_SHARE * height_mm, PITCH_MIN_MM);
     let Some(chart) = chart else {
-        return Err(SurfaceError::NotFlat {
-            problem: FlattenError::Empty,
-            at_mm: [0.0; 3],
-        });
+        return Err(not_flat(FlattenError::Empty, [0.0; 3]));
     };
     let most_mm = OFF_SHARE_MAX * height_mm;
     if chart.off_mm > most_mm {
-        return Err(SurfaceError::TooRough {
-            off_mm: chart.off_mm,
-            most_mm,
-            at_mm: chart.off_at_mm.into(),
-        });
+        return Err(too_rough(chart.off_mm, most_mm, chart.off_at_mm.into()));
     }
     Ok((chart, flat))
 }
@@ -219,11 +206,14 @@ impl Drawn<'_> {
                         continue;
                     };
                     if step == 0 && off_mm > most_mm {
-                        return Err(SurfaceError::OffMesh {
-                            at_mm: at.into(),
-                            off_mm,
-                            most_mm,
-                        });
+                        return Err(SurfaceError::Refused(refusal!(
+                            "the outline's point ({:.3}, {:.3}, {:.3}) mm lies {off_mm:.3} mm \
+                             off the surface, more than half a layer ({most_mm:.3} mm): both are \
+                             taken in the same coordinates",
+                            at[0],
+                            at[1],
+                            at[2]
+                        )));
                     }
                     drawn.crossed[triangle] = true;
                     drawn.points.push(on);

@@ -30,6 +30,7 @@ use crate::plan::layers::skirt::SkirtPlan;
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::progress::{Progress, Stage, Steps, Stopped};
 use crate::settings::{Infill, Settings};
+use crate::text::refusal::{Refusal, refusal};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -39,21 +40,6 @@ use std::sync::Arc;
 pub const OFF_REGIONS: usize = usize::MAX;
 /// Most control points of all printed curves: 800 m of path and more, and 1 GB while it is planned.
 pub const POINTS_MAX: usize = 10_000_000;
-
-/// The job is longer than what can be planned in one piece.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "{layers} layers of this part are a path of {points} control points, and a job has at most \
-     {POINTS_MAX}: print fewer --layers at a time ({fitting} fit), or less of the part"
-)]
-pub struct TooLongError {
-    /// Requested layers.
-    pub layers: u32,
-    /// Control points of their curves.
-    pub points: usize,
-    /// Layers that would do.
-    pub fitting: u32,
-}
 
 /// Layers that are planned once.
 #[derive(Clone, Debug)]
@@ -247,7 +233,7 @@ struct PrintCurve {
 /// before its regions, and the printing of each.
 ///
 /// # Errors
-/// [`TooLongError`] above [`POINTS_MAX`].
+/// [`Refusal`] above [`POINTS_MAX`].
 pub fn plane_passes(
     skirt: Option<&SkirtPlan>,
     kinds: &[LayerGroup],
@@ -255,7 +241,7 @@ pub fn plane_passes(
     layers: &[StackLayer],
     transform: &PartTransform,
     settings: &Settings,
-) -> Result<(Vec<PlanePass>, Vec<usize>), TooLongError> {
+) -> Result<(Vec<PlanePass>, Vec<usize>), Refusal> {
     let place = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
     let firsts = prints.par_iter().enumerate();
     let curves: Vec<Vec<PrintCurve>> = firsts
@@ -449,17 +435,17 @@ fn kinds_of(
 fn check_length<'a>(
     curves: impl Iterator<Item = &'a PrintCurve>,
     layers: u32,
-) -> Result<(), TooLongError> {
+) -> Result<(), Refusal> {
     let points: usize = curves.map(|curve| curve.control.len()).sum();
     if points <= POINTS_MAX {
         return Ok(());
     }
     let share = POINTS_MAX as f64 / points as f64;
-    Err(TooLongError {
-        layers,
-        points,
-        fitting: (f64::from(layers) * share).floor().max(0.0) as u32,
-    })
+    let fitting = (f64::from(layers) * share).floor().max(0.0) as u32;
+    Err(refusal!(
+        "{layers} layers of this part are a path of {points} control points, and a job has at most \
+         {POINTS_MAX}: print fewer --layers at a time ({fitting} fit), or less of the part"
+    ))
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@
 //! brim for which there is room.
 
 use crate::plan::headings::contacts::wall_contacts;
+use crate::text::refusal::Refusal;
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::{difference, filled, grown};
@@ -18,7 +19,7 @@ use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::geometry::repair::FillRule;
 use crate::geometry::{Point2, Vector2};
-use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError, PruneOptions};
+use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, PruneOptions};
 use crate::plan::beads::passes::Lengths;
 use crate::plan::headings::profile::profile;
 use crate::plan::headings::runs::{feasible_runs, printable_runs};
@@ -114,7 +115,7 @@ pub fn skirt_plan(
     taken: &[Region],
     from: Point2,
     settings: &Settings,
-) -> Result<Option<SkirtPlan>, MedialAxisError> {
+) -> Result<Option<SkirtPlan>, Refusal> {
     let distances = loop_distances_mm(&settings.skirt, settings);
     let Some(&(first_mm, _)) = distances.first() else {
         return Ok(None);
@@ -310,7 +311,7 @@ fn room_mm(contact: &Contact, walls: &EdgeIndex, aperture: &Aperture) -> f64 {
 }
 
 /// The exterior medial axis where it is no farther from the part than `reach_mm`.
-fn exterior_axis(around: &EdgeIndex, reach_mm: f64) -> Result<Vec<[Point2; 2]>, MedialAxisError> {
+fn exterior_axis(around: &EdgeIndex, reach_mm: f64) -> Result<Vec<[Point2; 2]>, Refusal> {
     let axis = MedialAxis::of_edges(around, &AxisOptions::default())?.pruned(&PruneOptions {
         object_angle_min_rad: AXIS_ANGLE_MIN_RAD,
         ..PruneOptions::default()

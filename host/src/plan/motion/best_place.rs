@@ -11,6 +11,7 @@ use crate::geometry::{Point2, Vector2};
 use crate::plan::motion::motion_error::MotionError;
 use crate::plan::motion::singular::{Passes, passed_places};
 use crate::settings::Settings;
+use crate::text::refusal::{Refusal, refusal};
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNELS,
 };
@@ -34,22 +35,6 @@ pub struct FoundPlace {
     pub tried: usize,
 }
 
-/// No place was found.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "the machine reaches the whole run at none of {tried} places on the table{}; where it would lie: \
-     {error}",
-    turn_hint(*turn_deg)
-)]
-pub struct NoPlaceError {
-    /// Places tried.
-    pub tried: usize,
-    /// Rotation of the part for which there is one, degrees.
-    pub turn_deg: Option<f64>,
-    /// Why not in the middle.
-    pub error: MotionError,
-}
-
 fn turn_hint(turn_deg: Option<f64>) -> String {
     match turn_deg {
         Some(degrees) => format!(
@@ -63,14 +48,14 @@ fn turn_hint(turn_deg: Option<f64>) -> String {
 /// they `may_lift` they may be cut at singular poses.
 ///
 /// # Errors
-/// [`NoPlaceError`] if none is reachable.
+/// [`Refusal`] if none is reachable.
 pub fn best_place(
     passes: &Passes,
     room_mm: [[f64; 2]; 2],
     start: [f64; CHANNELS],
     settings: &Settings,
     may_lift: bool,
-) -> Result<FoundPlace, NoPlaceError> {
+) -> Result<FoundPlace, Refusal> {
     let seconds_at = |shift: [f64; 2], turn_rad: f64| {
         let moved = moved(passes, shift, turn_rad);
         passed_places(&moved, start, settings, may_lift).map(|passed| passed.seconds)
@@ -96,11 +81,11 @@ pub fn best_place(
                         .par_iter()
                         .any(|&shift| seconds_at(shift, turn_deg.to_radians()).is_ok())
                 });
-            Err(NoPlaceError {
-                tried,
-                turn_deg,
-                error,
-            })
+            Err(refusal!(
+                "the machine reaches the whole run at none of {tried} places on the table{}; where it \
+                 would lie: {error}",
+                turn_hint(turn_deg)
+            ))
         }
         (best, _) => Ok(FoundPlace {
             shift_mm: best.map_or([0.0; 2], |(shift, _)| *shift),

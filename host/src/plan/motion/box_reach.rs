@@ -9,7 +9,7 @@
 
 use crate::job::MotionState;
 use crate::plan::motion::joint_limits::{MotionLimits, check_range, tip_mm};
-use crate::plan::motion::motion_error::MotionError;
+use crate::plan::motion::motion_error::{MotionError, bad_limit, no_pose};
 use crate::settings::{Settings, WristStops};
 use headway_firmware::configuration::JOINTS_MAX;
 use headway_firmware::kinematics::inverse;
@@ -75,9 +75,7 @@ pub fn box_reach(
     match (best, furthest) {
         (Some(best), _) => Ok(best),
         (None, Some((_, error))) => Err(error),
-        (None, None) => Err(MotionError::BadLimit {
-            name: "number of joint solutions",
-        }),
+        (None, None) => Err(bad_limit("number of joint solutions")),
     }
 }
 
@@ -262,9 +260,6 @@ fn joints_at(
     settings: &Settings,
 ) -> Result<[f64; JOINTS_MAX], MotionError> {
     let joints = inverse(&settings.machine.kinematics, &Pose::from_channels(pose));
-    let joints = joints.map_err(|error| MotionError::Kinematics {
-        error,
-        at_mm: tip_mm(pose),
-    })?;
+    let joints = joints.map_err(|error| no_pose(error, tip_mm(pose)))?;
     Ok(joints.position)
 }

@@ -4,7 +4,7 @@
 //! (the plan's share of the machine's), joint motion by the same parameter.
 
 use crate::job::MotionState;
-use crate::plan::motion::motion_error::MotionError;
+use crate::plan::motion::motion_error::{MotionError, bad_limit, no_pose};
 use crate::plan::route::path_curve::CurvePoint;
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
@@ -175,15 +175,13 @@ impl MotionLimits {
             named.push(("joint jerk", joint.jerk_max));
         }
         if self.joints.len() < joint_count {
-            return Err(MotionError::BadLimit {
-                name: "number of joints",
-            });
+            return Err(bad_limit("number of joints"));
         }
         match named
             .into_iter()
             .find(|(_, value)| !(value.is_finite() && *value > 0.0))
         {
-            Some((name, _)) => Err(MotionError::BadLimit { name }),
+            Some((name, _)) => Err(bad_limit(name)),
             None => Ok(self),
         }
     }
@@ -308,10 +306,7 @@ pub fn joint_point(kinematics: &Kinematics, point: &CurvePoint) -> Result<JointP
         Jet([point.value[c], point.first[c], second, third])
     });
     let added = kinematics::remainder(kinematics, &Pose::from_channels(&channels));
-    let mut jets = added.map_err(|error| MotionError::Kinematics {
-        error,
-        at_mm: tip_mm(&point.value),
-    })?;
+    let mut jets = added.map_err(|error| no_pose(error, tip_mm(&point.value)))?;
     for (jet, joint_channel) in jets.iter_mut().zip(kinematics::joint_channels(kinematics)) {
         if let Some(channel) = *joint_channel {
             *jet += channels[channel];

@@ -8,9 +8,10 @@
 //! would cost a stop and is not considered.
 
 use crate::plan::motion::joint_limits::{MotionLimits, check_range, tip_mm};
-use crate::plan::motion::motion_error::MotionError;
+use crate::plan::motion::motion_error::{MotionError, bad_limit, no_pose};
 use crate::plan::route::moves::{PathCurve, Route};
 use crate::settings::{Settings, joint_names};
+use crate::text::refusal::refusal;
 use headway_firmware::configuration::JOINTS_MAX;
 use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::winding::Winding;
@@ -96,9 +97,7 @@ pub fn fastest(route: &Route, settings: &Settings) -> Result<(Settings, Followed
             MotionError::OutsideJointRange { .. } => Err(worst_outside(route, &with_it, error)),
             _ => Err(error),
         },
-        (None, None) => Err(MotionError::BadLimit {
-            name: "number of joint solutions",
-        }),
+        (None, None) => Err(bad_limit("number of joint solutions")),
     }
 }
 
@@ -221,10 +220,7 @@ impl<'a> Follower<'a> {
         let joints = inverse(kinematics, &Pose::from_channels(channels));
         joints
             .map(|joints| joints.position)
-            .map_err(|error| MotionError::Kinematics {
-                error,
-                at_mm: tip_mm(channels),
-            })
+            .map_err(|error| no_pose(error, tip_mm(channels)))
     }
 
     fn along(
@@ -282,11 +278,15 @@ impl<'a> Follower<'a> {
         if turn_rad > CLOSER_RAD {
             if halvings == HALVINGS_MAX {
                 let names = joint_names(kinematics);
-                return Err(MotionError::JointJump {
-                    name: names.get(joint).copied().unwrap_or("?"),
-                    turn_rad,
-                    at_mm: tip_mm(&channels),
-                });
+                return Err(MotionError::Refused(refusal!(
+                    "joint {name} would have to turn by {:.0}° at once with the tip at \
+                     {at_mm:.3?} mm (machine coordinates), where two rotary axes line up; move \
+                     or turn the part, or let the tool axis be led past this direction \
+                     (--axis-tolerance)",
+                    turn_rad.to_degrees(),
+                    name = names.get(joint).copied().unwrap_or("?"),
+                    at_mm = tip_mm(&channels)
+                )));
             }
             let middle = 0.5 * (from + to);
             self.step(curve, limits, [from, middle], halvings + 1, outside)?;

@@ -3,6 +3,7 @@
 //! In: the result of a check, with the place. Out: [`MotionError`], whose text names both.
 
 use crate::plan::progress::Stopped;
+use crate::text::refusal::{Refusal, refusal};
 use crate::text::short_number::told_apart;
 use headway_firmware::kinematics::KinematicsError;
 
@@ -12,6 +13,9 @@ pub enum MotionError {
     /// The caller has stopped planning.
     #[error(transparent)]
     Stopped(#[from] Stopped),
+    /// Nothing that another head, place or turn is tried for.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
     /// A joint would have to leave its range.
     #[error(
         "joint {name} would go to {}, with the tip at {at_mm:.3?} mm (machine coordinates); {}",
@@ -34,111 +38,20 @@ pub enum MotionError {
         /// Tip position, machine coordinates.
         at_mm: [f64; 3],
     },
-    /// The machine cannot take this pose.
-    #[error(
-        "{error} with the tip at {at_mm:.3?} mm (machine coordinates); {}",
-        pose_hint(*error)
-    )]
-    Kinematics {
-        /// The error of the pose.
-        error: KinematicsError,
-        /// Tip position, machine coordinates.
-        at_mm: [f64; 3],
-    },
-    /// The joints cannot follow the path through a place where two axes line up.
-    #[error(
-        "joint {name} would have to turn by {:.0}° at once with the tip at {at_mm:.3?} mm (machine \
-         coordinates), where two rotary axes line up; move or turn the part, or let the \
-         tool axis be led past this direction (--axis-tolerance)", turn_rad.to_degrees()
-    )]
-    JointJump {
-        /// Its name in the machine file.
-        name: &'static str,
-        /// How far, rad.
-        turn_rad: f64,
-        /// Tip position, machine coordinates.
-        at_mm: [f64; 3],
-    },
-    /// A control point is not finite, or a move has none.
-    #[error("move {route_move} of the route has no finite path; this is a fault of the planner")]
-    NotFinite {
-        /// Index in the route.
-        route_move: usize,
-    },
-    /// A move does not begin where the one before it ended.
-    #[error(
-        "move {route_move} of the route begins {gap:.6} away from the end of the one before it"
-    )]
-    Gap {
-        /// Index in the route.
-        route_move: usize,
-        /// Largest difference of a channel, mm, rad or mm³.
-        gap: f64,
-    },
-    /// A limit is zero, negative or not finite.
-    #[error("the limit {name} must be a positive number")]
-    BadLimit {
-        /// Which one.
-        name: &'static str,
-    },
-    /// A move would take for ever.
-    #[error(
-        "the path that begins with the tip at {from_mm:.3?} mm (machine coordinates) would take \
-         {duration_s:.0} s ({at_speed_s:.0} s at its speed), more than the {most_s:.0} s that can be \
-         planned: {}",
-        slow_hint(*at_speed_s, *most_s)
-    )]
-    TooSlow {
-        /// How long it would take.
-        duration_s: f64,
-        /// The same if nothing but the tip's speed bound it.
-        at_speed_s: f64,
-        /// How long it may take.
-        most_s: f64,
-        /// Where it begins, machine coordinates.
-        from_mm: [f64; 3],
-    },
-    /// A prime or retract is more than a message carries.
-    #[error(
-        "a prime or retract of {volume_mm3} mm³ is more than the {most_mm3} mm³ that one may have with this nozzle; \
-         ask for less at a time"
-    )]
-    EventBeyondWire {
-        /// Volume, mm³.
-        volume_mm3: f64,
-        /// The most, mm³.
-        most_mm3: f64,
-    },
-    /// A prime or retract is beyond the extruder's limits by itself.
-    #[error(
-        "a prime or retract of {volume_mm3} mm³ in {duration_s} s asks {ratio:.2} times of what the \
-         extruder may do; lower its rate or raise the extruder's limits"
-    )]
-    EventBeyondExtruder {
-        /// Volume, mm³.
-        volume_mm3: f64,
-        /// Duration, s.
-        duration_s: f64,
-        /// Rate or acceleration against the planned share of the limit.
-        ratio: f64,
-    },
 }
 
-/// What to do about a pose without joints.
-fn pose_hint(error: KinematicsError) -> &'static str {
-    match error {
+/// The machine cannot take this pose.
+pub fn no_pose(error: KinematicsError, at_mm: [f64; 3]) -> MotionError {
+    let remedy = match error {
         KinematicsError::OutOfReach => "move the part (--at, --place best) or use a larger machine",
         _ => "tilt the tool less, or move the part with --at",
-    }
+    };
+    refusal!("{error} with the tip at {at_mm:.3?} mm (machine coordinates); {remedy}").into()
 }
 
-/// What to do about a path that takes too long.
-fn slow_hint(at_speed_s: f64, most_s: f64) -> &'static str {
-    if at_speed_s > most_s {
-        "raise the speed"
-    } else {
-        "raise the limit that is close to zero (a joint's or the flow's)"
-    }
+/// A limit is zero, negative or not finite.
+pub fn bad_limit(name: &'static str) -> MotionError {
+    refusal!("the limit {name} must be a positive number").into()
 }
 
 /// Where a joint would be, and its range, in the units of the machine file.

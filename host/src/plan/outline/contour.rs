@@ -13,7 +13,7 @@ use crate::geometry::frame::{Frame, ON_LINE_MM};
 use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::validity::validate;
 use crate::geometry::{Point2, Vector2};
-use thiserror::Error;
+use crate::text::refusal::{Refusal, refusal};
 
 /// Default of the largest distance between the cleaned boundary and the given one: a fifth of the
 /// default tolerance of a plan (1 µm), so that most of it is left for the fit of segments.
@@ -40,35 +40,18 @@ pub struct Contour {
     pub removed_holes: usize,
 }
 
-/// Why a region has no contour.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum ContourError {
-    /// A coordinate is infinite or not a number.
-    #[error(
+/// A coordinate is infinite or not a number.
+pub fn not_finite(ring: usize, point: usize) -> Refusal {
+    refusal!(
         "a coordinate of ring {ring} is not a finite number (point {point}); correct the input"
-    )]
-    NotFinite {
-        /// Ring: 0 the exterior, holes from 1.
-        ring: usize,
-        /// Point in the ring.
-        point: usize,
-    },
-    /// Nothing is left of the exterior.
-    #[error(
-        "the outline near ({:.3}, {:.3}) mm has no area beyond the tolerance; check the units",
-        at_mm[0], at_mm[1]
-    )]
-    Empty {
-        /// Its first point, in the input's coordinates.
-        at_mm: [f64; 2],
-    },
+    )
 }
 
 impl Contour {
     /// Cleans a region; see the head of this file for the meaning of `tolerance_mm`. If that would
     /// make rings cross (features closer together than the tolerance), only repeated points are
     /// removed.
-    pub fn of_region(region: &Region, tolerance_mm: f64) -> Result<Contour, ContourError> {
+    pub fn of_region(region: &Region, tolerance_mm: f64) -> Result<Contour, Refusal> {
         let contour = Contour::cleaned(region, tolerance_mm)?;
         if contour.removed_points > 0 && validate(&contour.region).is_err() {
             return Contour::cleaned(region, 0.0);
@@ -76,11 +59,11 @@ impl Contour {
         Ok(contour)
     }
 
-    fn cleaned(region: &Region, tolerance_mm: f64) -> Result<Contour, ContourError> {
+    fn cleaned(region: &Region, tolerance_mm: f64) -> Result<Contour, Refusal> {
         for (ring, points) in region.rings().enumerate() {
             let bad = |p: &Point2| !(p.x.is_finite() && p.y.is_finite());
             if let Some(point) = points.points.iter().position(bad) {
-                return Err(ContourError::NotFinite { ring, point });
+                return Err(not_finite(ring, point));
             }
         }
         let bounds = region.bounds();
@@ -91,8 +74,11 @@ impl Contour {
         let local = frame.snapped_in(&local);
         let clean = |ring: &Ring, is_exterior: bool| cleaned_ring(ring, tolerance_mm, is_exterior);
         let first = region.exterior.points.first().copied();
-        let exterior = clean(&local.exterior, true).ok_or_else(|| ContourError::Empty {
-            at_mm: first.map_or([0.0, 0.0], |p| [p.x, p.y]),
+        let exterior = clean(&local.exterior, true).ok_or_else(|| {
+            let [x, y] = first.map_or([0.0; 2], |p| [p.x, p.y]);
+            refusal!(
+                "the outline near ({x:.3}, {y:.3}) mm has no area beyond the tolerance; check the units"
+            )
         })?;
         let holes = local.holes.iter();
         let holes: Vec<Ring> = holes.filter_map(|hole| clean(hole, false)).collect();
@@ -330,15 +316,16 @@ mod tests {
         region.exterior.points[2].x = f64::NAN;
         assert_eq!(
             Contour::of_region(&region, SIMPLIFY_MM),
-            Err(ContourError::NotFinite { ring: 0, point: 2 })
+            Err(not_finite(0, 2))
         );
         let flat = Region {
             exterior: ring(&[[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]),
             holes: vec![],
         };
-        assert!(matches!(
-            Contour::of_region(&flat, SIMPLIFY_MM),
-            Err(ContourError::Empty { .. })
-        ));
+        let refused = Contour::of_region(&flat, SIMPLIFY_MM).unwrap_err();
+        assert!(
+            refused.to_string().contains("has no area beyond"),
+            "{refused}"
+        );
     }
 }

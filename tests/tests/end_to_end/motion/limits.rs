@@ -5,6 +5,7 @@
 use headway::plan::motion::segments::lay_segments;
 use headway::settings::Settings;
 use headway_tests::jerk_reference::{ReferenceLimits, derivatives_of, least_time_s};
+use headway_tests::refusal_numbers::numbers_behind;
 use headway_tests::routes::{gear, random_smooth, route_of, two_passes, wave, zigzag};
 use headway_tests::segment_oracle::{Oracle, duration_s, sample_limits, units_of, worst_fit};
 use rand::{RngExt, SeedableRng};
@@ -304,23 +305,27 @@ fn places_outside_the_machine_are_refused_with_joint_and_place() {
     }
     let mut tilted = gear(10.0);
     tilted[50][3] = 0.2;
-    assert!(matches!(
-        lay_segments(&route_of(tilted), &settings),
-        Err(MotionError::Kinematics { .. })
-    ));
+    let refused = lay_segments(&route_of(tilted), &settings).expect_err("tilted");
+    let text = refused.to_string();
+    assert!(
+        text.contains("with the tip at [") && text.contains("tilt the tool less"),
+        "{text}"
+    );
     let mut broken = gear(10.0);
     broken[3][1] = f64::NAN;
-    assert!(matches!(
-        lay_segments(&route_of(broken), &settings),
-        Err(MotionError::NotFinite { route_move: 0 })
-    ));
+    let refused = lay_segments(&route_of(broken), &settings).expect_err("no number");
+    assert!(
+        refused
+            .to_string()
+            .starts_with("move 0 of the route has no finite path"),
+        "{refused}"
+    );
 }
 
 /// Ticks of a motion that hardly moves would fill time and memory: such a path is refused with its
 /// place, however the slowness comes about; one that is slow because that is its speed is not.
 #[test]
 fn paths_that_take_for_ever_are_refused_with_their_place() {
-    use headway::plan::motion::motion_error::MotionError;
     let route = route_of(gear(10.0));
     let begin = route.moves[0].curve.control[0];
     let slow = Settings {
@@ -341,19 +346,13 @@ fn paths_that_take_for_ever_are_refused_with_their_place() {
         nozzle(|c| (c.jerk_max, c.acceleration_max) = (1e-7, 1e-2)),
     ];
     for settings in weak {
-        match lay_segments(&route, &settings) {
-            Err(MotionError::TooSlow {
-                duration_s,
-                most_s,
-                from_mm,
-                ..
-            }) => {
-                assert_eq!(from_mm, [begin[0], begin[1], begin[2]]);
-                assert_eq!(most_s, 1200.0);
-                assert!(duration_s > most_s);
-            }
-            other => panic!("{:?}", other.map(|(_, report)| report)),
-        }
+        let refused = lay_segments(&route, &settings).expect_err("too slow");
+        let text = refused.to_string();
+        let from_mm = format!("begins with the tip at {:.3?} mm", &begin[..3]);
+        assert!(text.contains(&from_mm), "{text}");
+        let duration_s = numbers_behind(&text, "would take ")[0];
+        assert_eq!(numbers_behind(&text, "more than the ")[0], 1200.0, "{text}");
+        assert!(duration_s > 1200.0, "{text}");
     }
 }
 

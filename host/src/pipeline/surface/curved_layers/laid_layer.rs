@@ -15,9 +15,9 @@ use crate::job::MotionState;
 use crate::job::transform::PartTransform;
 use crate::pipeline::PlanError;
 use crate::pipeline::stack::{LeftOut, RoutedStack, Stack, route_stack};
+use crate::pipeline::surface::ChartJob;
 use crate::pipeline::surface::height_ground::HeightGround;
 use crate::pipeline::surface::laid_ground::{OnSurface, in_chart};
-use crate::pipeline::surface::{ChartJob, SurfaceError};
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::inside::Inside;
 use crate::plan::layers::layer_groups::{LayerGroup, LayerKind, RegionPrint, StackLayer};
@@ -215,7 +215,7 @@ pub fn curved(
         scale: &laid.scale,
         volume_factor: Some(&volume_factor),
     };
-    let moves = on_surface(&routed.route, &on, settings).map_err(SurfaceError::from)?;
+    let moves = on_surface(&routed.route, &on, settings)?;
     let left_out = routed.left_out.into_iter().map(|left_out| LeftOut {
         at: laid.seen_from_above(left_out.at),
         ..left_out

@@ -20,7 +20,6 @@ use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::{Point2, Vector2};
 use crate::job::MotionState;
 use crate::pipeline::PlanError;
-use crate::pipeline::surface::SurfaceError;
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::layers::region_plan::RegionPlan;
 use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
@@ -259,7 +258,7 @@ fn lifted(
         volume_factor: Some(&volume_factor),
     };
     let route = Route { moves: laid.moves };
-    laid.moves = on_surface(&route, &on, settings).map_err(SurfaceError::from)?;
+    laid.moves = on_surface(&route, &on, settings)?;
     let prints = laid.moves.iter_mut();
     for print in prints.filter(|route_move| route_move.state == MotionState::Print) {
         let deepest_mm = DEEPEST * HANG_SHARE * layer_mm;

@@ -8,10 +8,11 @@
 use crate::geometry::conformal::flattened;
 use crate::geometry::polygon::Ring;
 use crate::geometry::validity::validate;
-use crate::mesh::patch::{NotManifold, chosen, cut_open, grown, rims};
+use crate::mesh::patch::{chosen, cut_open, grown, rims};
 use crate::mesh::split::{AxisPlane, Clipped};
 use crate::mesh::{Mesh, Point3};
 use crate::pipeline::surface::laid_ground::region_within;
+use crate::text::refusal::Refusal;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -54,8 +55,8 @@ struct Division {
 /// Divides a mesh; one share alone if it flattens as it is, `None` where no division is found.
 ///
 /// # Errors
-/// [`NotManifold`].
-pub fn divided(mesh: &Mesh, margin_mm: f64) -> Result<Option<Vec<Share>>, NotManifold> {
+/// [`Refusal`].
+pub fn divided(mesh: &Mesh, margin_mm: f64) -> Result<Option<Vec<Share>>, Refusal> {
     if mesh.vertices.len() > VERTICES_MAX {
         return Ok(None);
     }

@@ -15,7 +15,7 @@ mod join;
 
 use super::laid_ground::{Seams, in_space, region_within};
 use super::patch_ground::{charted, normals};
-use super::{ChartJob, Held, OnSurface, PlacedRoute, Routed, SurfaceError, passes_of, placed};
+use super::{ChartJob, Held, OnSurface, PlacedRoute, Routed, passes_of, placed};
 use crate::geometry::chart::PatchChart;
 use crate::geometry::conformal::FlattenError;
 use crate::geometry::polygon::Region;
@@ -25,6 +25,7 @@ use crate::job::transform::PartTransform;
 use crate::mesh::Mesh;
 use crate::mesh::patch::rims;
 use crate::mesh::split::Clipped;
+use crate::pipeline::surface::error::{SurfaceError, not_flat};
 use crate::pipeline::{Plan, PlanError};
 use crate::plan::judge::figures::Swept;
 use crate::plan::judge::ground_sweep::{CurvedGround, Joined, LayerSwept, sweep_ground};
@@ -32,6 +33,7 @@ use crate::plan::judge::measure::measure;
 use crate::plan::motion::segments::lay_segments_with_progress;
 use crate::plan::progress::Progress;
 use crate::settings::Settings;
+use crate::text::refusal::refusal;
 use divide::{Share, divided, from_seam_mm, ground_of};
 use join::Join;
 
@@ -67,13 +69,17 @@ pub fn planned(
     progress: &dyn Progress,
 ) -> Result<Option<Plan>, PlanError> {
     let margin_mm = BESIDE * settings.aperture.reach_mm();
-    let shares = divided(mesh, margin_mm).map_err(SurfaceError::from)?;
+    let shares = divided(mesh, margin_mm)?;
     let Some(shares) = shares.filter(|shares| shares.len() > 1) else {
         return Ok(None);
     };
     if settings.skirt.loops > 0 || settings.skirt.brim_loops > 0 {
         let patches = shares.len();
-        return Err(SurfaceError::SkirtAroundPatches { patches }.into());
+        return Err(SurfaceError::Refused(refusal!(
+            "the surface is cut into {patches} patches, around which no skirt or brim is \
+             planned: leave it out, or print the surface in parts that flatten"
+        ))
+        .into());
     }
     // What cannot be laid is found before any of it is planned.
     let grounds = shares.iter().map(|share| laid_share(mesh, share, settings));
@@ -151,10 +157,7 @@ fn region_in(part: &Mesh, chart: &PatchChart) -> Result<Region, SurfaceError> {
         .unwrap_or_default()
         .coords
         .into();
-    let not_flat = SurfaceError::NotFlat {
-        problem: FlattenError::Empty,
-        at_mm,
-    };
+    let not_flat = not_flat(FlattenError::Empty, at_mm);
     let region = region_within(rings.collect()).filter(|region| validate(region).is_ok());
     region.ok_or(not_flat)
 }

@@ -14,8 +14,9 @@ mod parabola;
 mod prune;
 mod voronoi;
 
+use crate::text::refusal::Refusal;
 pub use prune::PruneOptions;
-pub use voronoi::{AxisOptions, MedialAxisError};
+pub use voronoi::AxisOptions;
 
 use crate::geometry::Point2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
@@ -128,10 +129,7 @@ fn polyline_length_mm(points: &[AxisPoint]) -> f64 {
 
 impl MedialAxis {
     /// The complete interior axis, unpruned.
-    pub fn of_edges(
-        index: &EdgeIndex,
-        options: &AxisOptions,
-    ) -> Result<MedialAxis, MedialAxisError> {
+    pub fn of_edges(index: &EdgeIndex, options: &AxisOptions) -> Result<MedialAxis, Refusal> {
         voronoi::interior_axis(index, options)
     }
 

@@ -17,9 +17,9 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::union_find::root;
+use crate::text::refusal::{Refusal, refusal};
 use boostvoronoi::prelude::{Builder, BvError, CellIndex, Diagram, SourceCategory};
 use rayon::prelude::*;
-use thiserror::Error;
 
 /// Angles tried in turn, rad: odd, so that no usual outline is aligned with the grid.
 const ANGLES_RAD: [f64; 5] = [0.32, 0.711, 1.137, 0.093, 1.418];
@@ -59,20 +59,6 @@ impl AxisOptions {
     }
 }
 
-/// Why there is no axis.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum MedialAxisError {
-    /// No edges.
-    #[error("the region has no edges")]
-    Empty,
-    /// The diagram failed at every angle.
-    #[error("the medial axis cannot be computed ({reason}); the outline may cross itself")]
-    Diagram {
-        /// The diagram's last error.
-        reason: String,
-    },
-}
-
 /// An edge of the diagram inside the region.
 struct RawEdge {
     v: [usize; 2],
@@ -96,9 +82,9 @@ struct RawAxis {
 pub(super) fn interior_axis(
     index: &EdgeIndex,
     options: &AxisOptions,
-) -> Result<MedialAxis, MedialAxisError> {
+) -> Result<MedialAxis, Refusal> {
     if index.edges().is_empty() {
-        return Err(MedialAxisError::Empty);
+        return Err(refusal!("the region has no edges"));
     }
     let mut best: Option<RawAxis> = None;
     let mut reason = String::new();
@@ -122,7 +108,9 @@ pub(super) fn interior_axis(
             break;
         }
     }
-    let raw = best.ok_or(MedialAxisError::Diagram { reason })?;
+    let raw = best.ok_or_else(|| {
+        refusal!("the medial axis cannot be computed ({reason}); the outline may cross itself")
+    })?;
     Ok(assemble(index, raw, options))
 }
 

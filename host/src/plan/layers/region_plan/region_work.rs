@@ -12,7 +12,7 @@ use crate::geometry::frame::Frame;
 use crate::geometry::place_scale::ScaleField;
 use crate::geometry::polygon::Region;
 use crate::geometry::repair::FillRule;
-use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
+use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis};
 use crate::plan::axis::pruned_axis::Axis;
 use crate::plan::beads::division::{SPANNED_SLACK, WIDEST_SINGLE_SHARE};
 use crate::plan::beads::infill::{bridge_lines, infill_passes, roof_lines};
@@ -33,6 +33,7 @@ use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::pose_limits::pose_limits;
 use crate::settings::{Infill, PassMode, SeamPlace, Settings};
+use crate::text::refusal::Refusal;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -69,12 +70,12 @@ impl RegionWork {
     /// if these are the chart of a curved surface.
     ///
     /// # Errors
-    /// [`MedialAxisError`].
+    /// [`Refusal`].
     pub fn begin(
         contour: Contour,
         scale: Option<&ScaleField>,
         settings: &Settings,
-    ) -> Result<RegionWork, MedialAxisError> {
+    ) -> Result<RegionWork, Refusal> {
         // Not one made anew: where snapping moved a point, that would turn, and move them all.
         let may_mirror = settings.aperture.is_mirror_image();
         let frame = contour.frame.mirrored_if(may_mirror);

@@ -9,7 +9,7 @@ use super::spline::{RestSpline, evaluate};
 use crate::plan::motion::joint_limits::{
     JointPoint, MotionLimits, joint_point, outside_range, tip_mm,
 };
-use crate::plan::motion::motion_error::MotionError;
+use crate::plan::motion::motion_error::{MotionError, no_pose};
 use crate::plan::route::path_curve::CurvePoint;
 use headway_firmware::configuration::Kinematics;
 use headway_firmware::path::load::SpanFault;
@@ -335,7 +335,7 @@ pub fn refused_spans(
             }
             Err(SpanFault::Kinematics(error)) => {
                 let at_mm = at_mm();
-                return Err(MotionError::Kinematics { error, at_mm });
+                return Err(no_pose(error, at_mm));
             }
         }
         start_tick = end_tick;

@@ -33,6 +33,7 @@ use crate::plan::motion::motion_error::MotionError;
 use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
+use crate::text::refusal::refusal;
 use check::Ratios;
 use headway_firmware::flow::extruder_limits::event_peaks;
 use headway_firmware::kinematics::winding::Winding;
@@ -142,7 +143,9 @@ fn check_route(route: &Route) -> Result<(), MotionError> {
         let control = &route_move.curve.control;
         let finite = control.iter().flatten().all(|value| value.is_finite());
         if control.is_empty() || !finite || !route_move.dwell_s.is_finite() {
-            return Err(MotionError::NotFinite { route_move: index });
+            return Err(MotionError::Refused(refusal!(
+                "move {index} of the route has no finite path; this is a fault of the planner"
+            )));
         }
         let before = index.checked_sub(1).map(|before| &route.moves[before]);
         if let Some(end) = before.and_then(|before| before.curve.control.last()) {
@@ -152,10 +155,10 @@ fn check_route(route: &Route) -> Result<(), MotionError> {
                 .map(|(a, b)| (a - b).abs())
                 .fold(0.0, f64::max);
             if gap > GAP_MAX {
-                return Err(MotionError::Gap {
-                    route_move: index,
-                    gap,
-                });
+                return Err(MotionError::Refused(refusal!(
+                    "move {index} of the route begins {gap:.6} away from the end of the one \
+                     before it"
+                )));
             }
         }
     }
@@ -240,10 +243,10 @@ fn check_event(route_move: &RouteMove, limits: &MotionLimits) -> Result<(), Moti
     };
     let most_mm3 = f64::from(EVENT_VOLUME_UNITS_MAX) / limits.units.per_natural(CHANNEL_VOLUME);
     if volume_mm3 > most_mm3 {
-        return Err(MotionError::EventBeyondWire {
-            volume_mm3,
-            most_mm3,
-        });
+        return Err(MotionError::Refused(refusal!(
+            "a prime or retract of {volume_mm3} mm³ is more than the {most_mm3} mm³ that one \
+             may have with this nozzle; ask for less at a time"
+        )));
     }
     let [rate, acceleration] = event_peaks(volume_mm3, duration_s);
     let ratio = (rate / limits.extruder_speed_max_mm3_s)
@@ -251,10 +254,9 @@ fn check_event(route_move: &RouteMove, limits: &MotionLimits) -> Result<(), Moti
     if ratio <= 1.0 {
         Ok(())
     } else {
-        Err(MotionError::EventBeyondExtruder {
-            volume_mm3,
-            duration_s,
-            ratio,
-        })
+        Err(MotionError::Refused(refusal!(
+            "a prime or retract of {volume_mm3} mm³ in {duration_s} s asks {ratio:.2} times of \
+             what the extruder may do; lower its rate or raise the extruder's limits"
+        )))
     }
 }

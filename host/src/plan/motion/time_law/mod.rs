@@ -12,6 +12,7 @@ pub mod smoothing;
 use crate::plan::motion::joint_limits::MotionLimits;
 use crate::plan::motion::motion_error::MotionError;
 use crate::plan::motion::path_samples::{PathSample, tip_way_mm};
+use crate::text::refusal::refusal;
 
 /// Shares of the limits that are aimed at.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,12 +117,15 @@ pub fn check_duration(
     let most_s = (SLOWDOWN_MAX * at_speed_s).clamp(PATIENCE_S, STRETCH_MAX_S);
     match duration_s <= most_s {
         true => Ok(()),
-        false => Err(MotionError::TooSlow {
-            duration_s,
-            at_speed_s,
-            most_s,
-            from_mm,
-        }),
+        false => Err(MotionError::Refused(refusal!(
+            "the path that begins with the tip at {from_mm:.3?} mm (machine coordinates) would \
+             take {duration_s:.0} s ({at_speed_s:.0} s at its speed), more than the {most_s:.0} \
+             s that can be planned: {}",
+            match at_speed_s > most_s {
+                true => "raise the speed",
+                false => "raise the limit that is close to zero (a joint's or the flow's)",
+            }
+        ))),
     }
 }
 

@@ -23,6 +23,7 @@ mod tests;
 
 use crate::input::waypoints::{Waypoint, WaypointRun};
 use crate::settings::Settings;
+use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::Kinematics;
 use headway_reach::Vector3;
 use headway_reach::free_axes::{Cap, nearest_free};
@@ -46,63 +47,32 @@ pub struct Leaned {
     pub normals: LayerNormals,
 }
 
-/// Why no axes were found.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum LeanError {
-    /// The machine cannot tilt its head.
-    #[error(
-        "--tilt-max: this machine's head does not tilt; plan for another machine (--machine) or leave it out"
-    )]
-    CannotTilt,
-    /// The head's shape is not known.
-    #[error(
-        "--tilt-max: the head's shape is not in the machine file ([head]), so nobody knows what it would touch"
-    )]
-    HeadUnknown,
-    /// No place is given.
-    #[error("--tilt-max depends on the position of the run: give --at instead of --place best")]
-    NoPlace,
-    /// A place that the head cannot get to.
-    #[error(
-        "line {line}: with the tip at ({:.3}, {:.3}, {:.3}) mm there is no free tool axis within {tilt_max_deg:.1}° of \
-         the one given; in the way is {} near ({:.3}, {:.3}, {:.3}) mm: allow more (--tilt-max), print in another \
-         order, or move it away",
-        at_mm[0], at_mm[1], at_mm[2],
-        if *is_print { "earlier print" } else { "an obstacle (--obstacle), or the table," },
-        by_mm[0], by_mm[1], by_mm[2]
-    )]
-    NoFreeAxis {
-        /// Line of the waypoint.
-        line: usize,
-        /// The tip, input coordinates.
-        at_mm: [f64; 3],
-        /// How far the axis may lean there.
-        tilt_max_deg: f64,
-        /// True where it is the print.
-        is_print: bool,
-        /// Where, input coordinates.
-        by_mm: [f64; 3],
-    },
-}
-
 /// The run with axes that tilt away where it would collide; `None` if all of it is clear already.
 ///
 /// # Errors
-/// [`LeanError`].
+/// [`Refusal`].
 pub fn leaned(
     run: &WaypointRun,
     offset_mm: [f64; 3],
     tilt_max_rad: f64,
     settings: &Settings,
-) -> Result<Option<Leaned>, LeanError> {
+) -> Result<Option<Leaned>, Refusal> {
     if settings.machine.kinematics == Kinematics::Planar {
-        return Err(LeanError::CannotTilt);
+        return Err(refusal!(
+            "--tilt-max: this machine's head does not tilt; plan for another machine \
+             (--machine) or leave it out"
+        ));
     }
     let Some(head) = &settings.head else {
-        return Err(LeanError::HeadUnknown);
+        return Err(refusal!(
+            "--tilt-max: the head's shape is not in the machine file ([head]), so nobody knows \
+             what it would touch"
+        ));
     };
     if settings.place == crate::settings::Place::Best && settings.at_mm.is_none() {
-        return Err(LeanError::NoPlace);
+        return Err(refusal!(
+            "--tilt-max depends on the position of the run: give --at instead of --place best"
+        ));
     }
     let laid = Laid::of(run, offset_mm, head, settings);
     let mut found = Leaned {
@@ -145,18 +115,27 @@ impl Blocked {
         run: &WaypointRun,
         points: &[Waypoint],
         tilt_max_rad: f64,
-    ) -> LeanError {
+    ) -> Refusal {
         let point = points.get(self.waypoint).or(run.points.first());
         let offset_mm = laid.offset_mm;
         let by = self.by.and_then(|order| laid.points.get(order));
         let by_mm = by.map_or(self.tip_mm, |point| point.at_mm);
-        LeanError::NoFreeAxis {
-            line: point.map_or(0, |point| point.line),
-            at_mm: (self.tip_mm - offset_mm).into(),
-            tilt_max_deg: point.map_or(0.0, |point| cone_rad(point, tilt_max_rad).to_degrees()),
-            is_print: self.by.is_some_and(|order| order >= laid.obstacles),
-            by_mm: (by_mm - offset_mm).into(),
-        }
+        let place = |at: Vector3| {
+            let at = at - offset_mm;
+            format!("({:.3}, {:.3}, {:.3}) mm", at.x, at.y, at.z)
+        };
+        let what = match self.by.is_some_and(|order| order >= laid.obstacles) {
+            true => "earlier print",
+            false => "an obstacle (--obstacle), or the table,",
+        };
+        refusal!(
+            "line {}: with the tip at {} there is no free tool axis within {:.1}° of the one given; in the way is \
+             {what} near {}: allow more (--tilt-max), print in another order, or move it away",
+            point.map_or(0, |point| point.line),
+            place(self.tip_mm),
+            point.map_or(0.0, |point| cone_rad(point, tilt_max_rad).to_degrees()),
+            place(by_mm)
+        )
     }
 }
 

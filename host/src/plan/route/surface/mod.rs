@@ -27,6 +27,7 @@ use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::waypoint_curve::chord_spline::through_samples;
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
+use crate::text::refusal::{Refusal, refusal};
 use headings::Bead;
 use headway_firmware::kinematics::pose::tilt_of_axis;
 use headway_protocol::units::{
@@ -45,18 +46,15 @@ const STRETCHED: f64 = 0.02;
 
 type Point = [f64; CHANNELS];
 
-/// A layer above a hollow of the surface would fold.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "{above_mm:.2} mm above the surface the layer would fold near ({:.2}, {:.2}, {:.2}) mm, where the surface is \
-     hollow: print fewer layers, or smooth the surface there",
-    at_mm[0], at_mm[1], at_mm[2]
-)]
-pub struct LayerFoldsError {
-    /// The layer's top.
-    pub above_mm: f64,
-    /// Point on the surface.
-    pub at_mm: [f64; 3],
+/// Why a layer above a hollow of the surface cannot be: its top, a point on the surface, mm.
+pub fn layer_folds(above_mm: f64, at_mm: [f64; 3]) -> Refusal {
+    refusal!(
+        "{above_mm:.2} mm above the surface the layer would fold near ({:.2}, {:.2}, {:.2}) mm, where \
+         the surface is hollow: print fewer layers, or smooth the surface there",
+        at_mm[0],
+        at_mm[1],
+        at_mm[2]
+    )
 }
 
 /// The surface of a plan.
@@ -72,12 +70,12 @@ pub struct LaidOn<'a> {
 /// Carries a route over. The moves before the first prime or print are omitted.
 ///
 /// # Errors
-/// [`LayerFoldsError`].
+/// [`Refusal`].
 pub fn on_surface(
     route: &Route,
     ground: &LaidOn,
     settings: &Settings,
-) -> Result<Vec<RouteMove>, LayerFoldsError> {
+) -> Result<Vec<RouteMove>, Refusal> {
     let is_begun = |route_move: &RouteMove| route_move.state != MotionState::Travel;
     let first = route.moves.iter().position(is_begun);
     let moves = &route.moves[first.unwrap_or(route.moves.len())..];
@@ -198,7 +196,7 @@ impl SurfaceMap<'_> {
     }
 
     /// By how much the heading is turned at the control points of a pass, in the chart.
-    fn turns(&self, curve: &PathCurve) -> Result<Vec<f64>, LayerFoldsError> {
+    fn turns(&self, curve: &PathCurve) -> Result<Vec<f64>, Refusal> {
         let aperture = &self.settings.aperture;
         let mut beads: Vec<Bead> = Vec::with_capacity(curve.control.len());
         let mut direction = Vector2::x();
@@ -209,10 +207,7 @@ impl SurfaceMap<'_> {
             let frame = self.frame(&planned);
             if frame.area_factor() < AREA_FACTOR_MIN {
                 let ground = self.ground.chart.frame(place(&planned), 0.0);
-                return Err(LayerFoldsError {
-                    above_mm: planned[CHANNEL_Z],
-                    at_mm: ground.tip_mm.into(),
-                });
+                return Err(layer_folds(planned[CHANNEL_Z], ground.tip_mm.into()));
             }
             let lambda = self.ground.scale.at(place(&planned)).lambda;
             let off = |stretch: f64| (stretch / lambda - 1.0).abs() > STRETCHED;

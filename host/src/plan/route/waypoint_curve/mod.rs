@@ -26,6 +26,7 @@ use crate::plan::headings::stops::nearest_heading;
 use crate::plan::route::clear_travel::UPRIGHT_RAD;
 use crate::plan::route::moves::PathCurve;
 use crate::settings::Settings;
+use crate::text::refusal::{Refusal, refusal};
 use chord_spline::Spline;
 use headway_firmware::kinematics::pose::{tilt_of_axis, tool_axis};
 use headway_protocol::units::{
@@ -46,46 +47,6 @@ const BEAD_SHARE_MIN: f64 = 0.1;
 
 type Point = [f64; CHANNELS];
 
-/// Why a run has no curve that can be planned.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum WaypointCurveError {
-    /// The machine cannot tilt its head.
-    #[error(
-        "line {line}: the tool axis is tilted by {tilt_deg:.3}°, and this machine's head does not \
-         tilt; plan for another machine (--machine)"
-    )]
-    CannotTilt {
-        /// Line of the waypoint.
-        line: usize,
-        /// Angle from Z.
-        tilt_deg: f64,
-    },
-    /// A speed above what the job prints at.
-    #[error(
-        "line {line}: asks for {asked_mm_s} mm/s, more than the print speed of {print_mm_s} mm/s; raise that \
-         (--speed {asked_mm_s})"
-    )]
-    TooFast {
-        /// Line of the waypoint.
-        line: usize,
-        /// Its requests.
-        asked_mm_s: f64,
-        /// What there is.
-        print_mm_s: f64,
-    },
-    /// The spacing is too uneven.
-    #[error(
-        "between lines {from} and {to} the waypoints are so uneven that their curve needs more \
-         than {SPANS_MAX} spans; space them more evenly, or round no corners so closely (--corner-tolerance)"
-    )]
-    TooUneven {
-        /// First line of the move.
-        from: usize,
-        /// Its last.
-        to: usize,
-    },
-}
-
 /// A run's passes, each as moves from rest to rest, machine coordinates.
 #[derive(Clone, Debug, Default)]
 pub struct WaypointPasses {
@@ -103,12 +64,12 @@ pub struct WaypointPasses {
 /// The run's passes.
 ///
 /// # Errors
-/// [`WaypointCurveError`] with the line.
+/// [`Refusal`] with the line.
 pub fn waypoint_passes(
     run: &WaypointRun,
     offset_mm: [f64; 3],
     settings: &Settings,
-) -> Result<WaypointPasses, WaypointCurveError> {
+) -> Result<WaypointPasses, Refusal> {
     check_tilt(&run.points, settings)?;
     check_speeds(&run.points, settings)?;
     let mut spans_left = SPANS_MAX;
@@ -149,7 +110,7 @@ fn pass_curves(
     offset_mm: [f64; 3],
     settings: &Settings,
     spans_left: &mut usize,
-) -> Result<(Vec<SpeedCurve>, RoundedCorners), WaypointCurveError> {
+) -> Result<(Vec<SpeedCurve>, RoundedCorners), Refusal> {
     let (pieces, rounded) = pieces(points, offset_mm, settings);
     let mut curves: Vec<SpeedCurve> = Vec::new();
     for piece in pieces {
@@ -195,33 +156,36 @@ fn asked_speeds(points: &[Waypoint], curve: &PathCurve, settings: &Settings) -> 
 }
 
 /// Speeds above the print speed would be cut without a word.
-fn check_speeds(points: &[Waypoint], settings: &Settings) -> Result<(), WaypointCurveError> {
+fn check_speeds(points: &[Waypoint], settings: &Settings) -> Result<(), Refusal> {
     for point in points {
         if let Some(asked_mm_s) = point
             .speed_mm_s
             .filter(|speed| *speed > settings.speed_mm_s)
         {
-            return Err(WaypointCurveError::TooFast {
-                line: point.line,
-                asked_mm_s,
-                print_mm_s: settings.speed_mm_s,
-            });
+            return Err(refusal!(
+                "line {line}: asks for {asked_mm_s} mm/s, more than the print speed of \
+                 {print_mm_s} mm/s; raise that (--speed {asked_mm_s})",
+                line = point.line,
+                print_mm_s = settings.speed_mm_s
+            ));
         }
     }
     Ok(())
 }
 
-fn check_tilt(points: &[Waypoint], settings: &Settings) -> Result<(), WaypointCurveError> {
+fn check_tilt(points: &[Waypoint], settings: &Settings) -> Result<(), Refusal> {
     if settings.tilts() {
         return Ok(());
     }
     for point in points {
         let tilt_rad = point.axis.x.hypot(point.axis.y).atan2(point.axis.z);
         if tilt_rad > UPRIGHT_RAD {
-            return Err(WaypointCurveError::CannotTilt {
-                line: point.line,
-                tilt_deg: tilt_rad.to_degrees(),
-            });
+            return Err(refusal!(
+                "line {line}: the tool axis is tilted by {tilt_deg:.3}°, and this machine's \
+                 head does not tilt; plan for another machine (--machine)",
+                line = point.line,
+                tilt_deg = tilt_rad.to_degrees()
+            ));
         }
     }
     Ok(())
@@ -245,7 +209,7 @@ fn move_curve(
     settings: &Settings,
     before: Option<Point>,
     spans_max: usize,
-) -> Result<PathCurve, WaypointCurveError> {
+) -> Result<PathCurve, Refusal> {
     let (points, mut poses) = (piece.points, piece.poses);
     // A round nozzle prints the same at any heading: it need not turn.
     let across =
@@ -267,9 +231,14 @@ fn move_curve(
         settings,
     };
     let fitted = curve.fit(points.len(), near_rad, spans_max);
-    fitted.ok_or(WaypointCurveError::TooUneven {
-        from: points.first().map_or(0, |point| point.line),
-        to: points.last().map_or(0, |point| point.line),
+    fitted.ok_or_else(|| {
+        refusal!(
+            "between lines {from} and {to} the waypoints are so uneven that their curve needs more \
+         than {SPANS_MAX} spans; space them more evenly, or round no corners so closely \
+         (--corner-tolerance)",
+            from = points.first().map_or(0, |point| point.line),
+            to = points.last().map_or(0, |point| point.line)
+        )
     })
 }
 
