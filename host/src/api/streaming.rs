@@ -10,7 +10,6 @@ use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderEvent, SenderSetup, SenderState};
 use crate::drive::stream_progress::Timeline;
 use crate::drive::transport::Port;
-use crate::text::refusal::Refusal;
 use headway_protocol::message::{Control, DeviceState, Status};
 use std::ops::ControlFlow;
 
@@ -45,7 +44,7 @@ impl Job {
         let line_error = |error: String| Error::Line(error);
         let port: Port = port
             .parse()
-            .map_err(|error: Refusal| line_error(error.to_string()))?;
+            .map_err(|error: crate::text::refusal::Refusal| line_error(error.to_string()))?;
         let header = &self.file.header;
         let setup = SenderSetup::of_job(header, host_session(), false);
         let mut sender = Sender::new(self.file.frames.clone(), setup);
