@@ -88,7 +88,10 @@ impl Host {
                     }
                     DeviceMessage::Refused(refusal) => told.refused.push(refusal.sequence),
                     DeviceMessage::Welcome(welcome) => told.welcome = Some(welcome),
-                    DeviceMessage::Status(_) | DeviceMessage::Fault(_) => {}
+                    DeviceMessage::Status(_)
+                    | DeviceMessage::Fault(_)
+                    | DeviceMessage::Measured(_)
+                    | DeviceMessage::Crash(_) => {}
                 }
             }
         }

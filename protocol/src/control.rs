@@ -128,6 +128,8 @@ pub enum Control {
     /// Allow the next stream or [`Control::Extrude`] to move melt while a hot end is too cold for it, until
     /// that ends; `false` ends it now.
     ExtrudeCold(bool),
+    /// Begin to measure (`true`), or end it and report (`false`); for boards with a clock of their own.
+    Measure(bool),
 }
 
 /// Command to the pin of a probe, given by the length of its pulses (BLTouch).
@@ -271,6 +273,7 @@ impl Control {
             | Control::MotorsOff
             | Control::ProbePin(_)
             | Control::ExtrudeCold(_)
+            | Control::Measure(_)
             | Control::GoTo(_) => true,
         }
     }

@@ -5,6 +5,7 @@
 //! - [`knot_block`]: knots as they are sent, predicted and bit-packed.
 //! - [`control`]: the commands that overtake the stream.
 //! - [`driver`]: the state of a motor's driver in a status.
+//! - [`board_report`]: what a board has measured of itself, and how it crashed.
 //! - [`fault`]: why a controller has stopped.
 //! - [`message`]: all messages of both sides.
 //! - [`frame`]: COBS framing, CRC-32 and sequence numbers.
@@ -16,6 +17,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod board_report;
 mod cobs_decode;
 pub mod control;
 pub mod driver;

@@ -7,6 +7,7 @@
 //! newer than the last one. `WIRE.md` has the bytes and the rules; this file has the types and the
 //! check of every field.
 
+pub use crate::board_report::{BoardFigures, Crash, CrashCause, TickFigures};
 pub use crate::control::{
     Control, DECIDEGREES_MAX, EVENT_DURATION_TICKS_MAX, EVENT_VOLUME_UNITS_MAX, FLOW_PERCENT_RANGE,
     HEATERS_MAX, JointOrder, OVERRIDE_PERCENT_MAX, PinPosition, REPORT_MOTORS_MAX,
@@ -21,7 +22,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 10;
+pub const PROTOCOL_VERSION: u16 = 11;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it together with the types; the golden test of `WIRE.md`
 /// reports a mismatch.
@@ -38,7 +39,7 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  18 settings{length u16} 19 part{offset u16,bytes u8*32} 20 settings end\n\
  21 probe{joint u8,distance i32,fast u32,slow u32,back u32}\n\
  22 probe pin 0 stow 1 deploy 2 self-test 3 reset\n\
- 23 extrude cold bool\n\
+ 23 extrude cold bool 24 measure bool\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32},\
 settings_hash u32}\n\
@@ -49,6 +50,8 @@ settings_hash u32}\n\
 referenced u8,switches u8,counts vec i32,heaters vec{decidegrees i16,target u16,duty u16},fan u16,fault option,\
 drivers vec{flags u16,scale u8,retries u16},probe 0 none 1 touched i32 2 not found 3 pressed 4 stays pressed}\n\
  5 fault{cause 0..30 u8,index u8,value i32}\n\
+ 6 measured{clock u32,step{count u32,min u32,mean u32,max u32},servo(step),lock u32,round u32,used u32,stack u32}\n\
+ 7 crash{cause 0 core u32 1 panic u32 2 interrupt u32,pc u32,lr u32,tick u32}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].
 pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
@@ -124,6 +127,10 @@ pub enum DeviceMessage {
     Status(Status),
     /// A fault was latched (repeated in every `Status` until it is cleared).
     Fault(Fault),
+    /// What a board has measured of itself: the answer to the end of a measurement.
+    Measured(BoardFigures),
+    /// How the run before the last reset ended; with every `Welcome`, before it.
+    Crash(Crash),
 }
 
 /// Identity and state of the controller.

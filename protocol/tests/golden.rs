@@ -106,6 +106,7 @@ fn host_message<'a>(name: &str, block: &'a [u8]) -> Option<HostMessage<'a>> {
         }),
         "probe_pin" => HostMessage::Control(Control::ProbePin(PinPosition::SelfTest)),
         "extrude_cold" => HostMessage::Control(Control::ExtrudeCold(true)),
+        "measure" => HostMessage::Control(Control::Measure(false)),
         _ => return None,
     })
 }
@@ -202,6 +203,31 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
             probe: ProbeResult::Touched(-1234),
         }),
         "fault" => DeviceMessage::Fault(fault),
+        "measured" => DeviceMessage::Measured(BoardFigures {
+            clock_hz: 168_000_000,
+            step: TickFigures {
+                count: 20_000,
+                min_clocks: 151,
+                mean_milliclocks: 187_250,
+                max_clocks: 343,
+            },
+            servo: TickFigures {
+                count: 200,
+                min_clocks: 1100,
+                mean_milliclocks: 1_690_500,
+                max_clocks: 2250,
+            },
+            lock_max_clocks: 9735,
+            round_max_clocks: 84_000,
+            stack_used_bytes: 12_000,
+            stack_bytes: 86_016,
+        }),
+        "crash" => DeviceMessage::Crash(Crash {
+            cause: CrashCause::HardFault(0x0001_0000),
+            pc: 0x0801_2344,
+            lr: 0x0801_2301,
+            servo_tick: 123_456,
+        }),
         _ => return None,
     })
 }
@@ -248,7 +274,7 @@ fn wire_md_states_the_bytes_of_this_build() {
     for line in golden
         .lines()
         .filter(|line| line.starts_with("    "))
-        .take(37)
+        .take(40)
     {
         let cells: Vec<&str> = line.split_whitespace().collect();
         let sequence = u16::from_str_radix(cells[1], 16).unwrap();
@@ -258,7 +284,7 @@ fn wire_md_states_the_bytes_of_this_build() {
         }
         lines += 1;
     }
-    assert_eq!(lines, 37, "every variant has its line");
+    assert_eq!(lines, 40, "every variant has its line");
     assert!(wrong.is_empty(), "this build writes:\n{}", wrong.join("\n"));
 }
 

@@ -7,6 +7,8 @@
 //! the emulator little. `tests/tests/end_to_end/controller/emulated.rs` prints a complete example on it and checks that the
 //! steps are those of the simulation.
 #![cfg_attr(target_os = "none", no_std, no_main)]
+// It follows no steps then.
+#![cfg_attr(feature = "octopus-ports", allow(dead_code, unused_imports))]
 
 #[cfg(not(target_os = "none"))]
 fn main() {
@@ -16,12 +18,15 @@ fn main() {
 #[cfg(all(target_os = "none", feature = "defmt"))]
 use defmt_semihosting as _;
 
+#[cfg(all(target_os = "none", feature = "octopus-ports"))]
+#[path = "../../firmware/src/bin/shared/octopus_step_ports.rs"]
+mod ports;
 #[cfg(target_os = "none")]
 #[path = "../../firmware/src/bin/shared/runtime.rs"]
 mod runtime;
 
 #[cfg(target_os = "none")]
-use board::{Trace as Output, pend_stop};
+use board::{Clock, Output, pend_stop};
 
 #[cfg(target_os = "none")]
 mod board {
@@ -31,16 +36,19 @@ mod board {
     use cortex_m_rt::exception;
     use cortex_m_semihosting::{debug, hprintln};
     use headway_firmware::board::built_in::{EMULATED_SWITCHES_STEPS, emulated_planar};
+    use headway_firmware::board::gaps::BoardClock;
     use headway_firmware::configuration::MOTORS_MAX;
     use headway_firmware::configuration::MachineConfiguration;
     use headway_firmware::configuration::homing::HomingConfiguration;
     use headway_firmware::design::WEIGHED_KNOTS;
+    use headway_firmware::line::measurement::Measurement;
     use headway_firmware::line::{Conversation, Receiver};
     use headway_firmware::machine::round::{Link, Surroundings, round};
     use headway_firmware::motion::inputs::Inputs;
     use headway_firmware::steps::output::StepOutput;
     use headway_protocol::message::DeviceState;
 
+    const CLOCK_HZ: u32 = 25_000_000;
     /// 25 MHz / 200 kHz.
     const CLOCKS_PER_STEP_TICK: u32 = 125;
     /// 200 kHz / 2 kHz.
@@ -103,6 +111,59 @@ mod board {
     /// Steps forward less steps back since start-up.
     static PLACES: [AtomicI32; MOTORS_MAX] = [const { AtomicI32::new(0) }; MOTORS_MAX];
 
+    /// CMSDK timer 0 counts down at the core's 25 MHz, as SysTick does.
+    const TIMER_CONTROL: *mut u32 = 0x4000_0000 as *mut u32;
+    const TIMER_VALUE: *mut u32 = 0x4000_0004 as *mut u32;
+    const TIMER_RELOAD: *mut u32 = 0x4000_0008 as *mut u32;
+
+    fn start_timer() {
+        // SAFETY: the registers of the emulated machine's first timer, used by nobody else.
+        unsafe {
+            TIMER_RELOAD.write_volatile(u32::MAX);
+            TIMER_VALUE.write_volatile(u32::MAX);
+            TIMER_CONTROL.write_volatile(1);
+        }
+    }
+
+    pub struct Clock;
+
+    impl BoardClock for Clock {
+        // 2.5 instructions each: the loop takes four or five, a step tick more than thirty.
+        const GAP_CLOCKS: u32 = 12;
+        #[inline(always)]
+        fn now_clocks() -> u32 {
+            // SAFETY: a read-only use of the same timer.
+            unsafe { TIMER_VALUE.read_volatile() }.wrapping_neg()
+        }
+    }
+
+    /// The octopus's port writes, to a memory that nothing else uses: for a measurement of its ticks.
+    #[cfg(feature = "octopus-ports")]
+    pub type Output = headway_firmware::steps::output::PortOutput<crate::ports::DriverPorts>;
+    #[cfg(feature = "octopus-ports")]
+    fn output() -> Output {
+        Output::new(crate::ports::DriverPorts::new(0x2100_0000), MOTORS_MAX, 0)
+    }
+    #[cfg(feature = "octopus-ports")]
+    fn digest_of(_: &mut Output) -> (u64, u32) {
+        (0, 0)
+    }
+
+    #[cfg(not(feature = "octopus-ports"))]
+    pub type Output = Trace;
+    #[cfg(not(feature = "octopus-ports"))]
+    fn output() -> Output {
+        Trace {
+            directions: 0,
+            digest: 0xcbf2_9ce4_8422_2325,
+            steps: 0,
+        }
+    }
+    #[cfg(not(feature = "octopus-ports"))]
+    fn digest_of(trace: &mut Output) -> (u64, u32) {
+        (trace.digest, trace.steps)
+    }
+
     /// Follows every step: the digest that the simulator makes, too, and where carriages would be.
     pub struct Trace {
         directions: u8,
@@ -133,6 +194,7 @@ mod board {
     }
 
     /// Switches that the carriages would press, by where the steps have brought them.
+    #[cfg(not(feature = "octopus-ports"))]
     fn switches() -> u8 {
         let mut pressed = 0;
         for (joint, towards_max, at_steps) in EMULATED_SWITCHES_STEPS {
@@ -153,6 +215,14 @@ mod board {
         runtime::step_interrupt();
     }
 
+    /// As the bench counts it, without this board's own work.
+    #[cfg(feature = "octopus-ports")]
+    #[exception]
+    fn PendSV() {
+        runtime::servo_interrupt(Inputs::default());
+    }
+
+    #[cfg(not(feature = "octopus-ports"))]
     #[exception]
     fn PendSV() {
         let done = runtime::servo_interrupt(Inputs {
@@ -209,6 +279,10 @@ mod board {
             self
         }
 
+        fn measure(&mut self, measurement: &mut Measurement) {
+            runtime::measure(measurement);
+        }
+
         fn send(&mut self, _line: usize, bytes: &[u8]) -> usize {
             match bytes.first() {
                 Some(&byte) if LINK.read(STATE) & TX_FULL == 0 => {
@@ -255,7 +329,7 @@ mod board {
 
     /// Prints what happened; true if it went well.
     fn report() -> bool {
-        let trace = with_output(|trace| (trace.digest, trace.steps));
+        let trace = with_output(digest_of);
         let (digest, steps) = trace.unwrap_or((0, 0));
         let late = match EMERGENCY_TICK.load(Ordering::Relaxed) {
             NEVER => 0,
@@ -308,18 +382,16 @@ mod board {
             peripherals.NVIC.set_priority(Button, 0);
             NVIC::unmask(Button);
         }
-        let output = Trace {
-            directions: 0,
-            digest: 0xcbf2_9ce4_8422_2325,
-            steps: 0,
-        };
-        let receiver = runtime::start(
+        runtime::paint_stack();
+        start_timer();
+        let mut receiver = runtime::start(
             &board,
-            output,
+            output(),
             CLOCKS_PER_STEP_TICK,
             &mut peripherals.SCB,
             &mut peripherals.SYST,
         )?;
+        receiver.measurement().measure_with(CLOCK_HZ);
         Some(serve(receiver, &configuration))
     }
 

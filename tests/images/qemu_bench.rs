@@ -25,16 +25,15 @@ mod ports;
 mod runtime;
 
 #[cfg(target_os = "none")]
-use bench::{Output, pend_stop};
-#[cfg(all(target_os = "none", feature = "measure-locks"))]
-use bench::{lock_begins, lock_ends};
+use bench::{Clock, Output, pend_stop};
 
 #[cfg(target_os = "none")]
 mod bench {
     use crate::ports::{DriverPorts, PORT_BYTES, SET_RESET};
-    use crate::runtime::{self, Board, Locked, with_motion};
-    use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
+    use crate::runtime::{self, Board, LONGEST_LOCK, Locked, with_motion};
+    use core::sync::atomic::{AtomicU32, Ordering};
     use cortex_m_semihosting::{debug, hprintln, syscall};
+    use headway_firmware::board::gaps::BoardClock;
     use headway_firmware::board::octopus::DIRECTION;
     use headway_firmware::configuration::homing::HomingConfiguration;
     use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
@@ -89,22 +88,17 @@ mod bench {
     /// Bytes that a line hands over at once.
     const PACKET_BYTES: usize = 64;
 
-    /// The current piece of work, and the longest lock of each.
-    static PIECE: AtomicUsize = AtomicUsize::new(BYTES);
+    /// The longest lock of each.
     static LOCKS: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
 
-    #[cfg(feature = "measure-locks")]
-    #[inline(always)]
-    pub fn lock_begins() -> u32 {
-        now()
-    }
+    /// The same timer for the boards' runtime; nothing is measured by the interrupts' gaps here.
+    pub struct Clock;
 
-    #[cfg(feature = "measure-locks")]
-    #[inline(always)]
-    pub fn lock_ends(begun: u32) {
-        let held = instructions(begun, now());
-        if let Some(worst) = LOCKS.get(PIECE.load(Ordering::Relaxed)) {
-            worst.store(worst.load(Ordering::Relaxed).max(held), Ordering::Relaxed);
+    impl BoardClock for Clock {
+        const GAP_CLOCKS: u32 = 0;
+        #[inline(always)]
+        fn now_clocks() -> u32 {
+            now().wrapping_neg()
         }
     }
 
@@ -201,11 +195,15 @@ mod bench {
     /// Does a piece of the main loop and counts it; true if there was any.
     #[inline(never)]
     fn piece(which: usize, empty: u32, counts: &mut Counts, work: impl FnOnce() -> bool) -> bool {
-        PIECE.store(which, Ordering::Relaxed);
+        LONGEST_LOCK.store(0, Ordering::Relaxed);
         let paint = Paint::new(6000);
         let before = now();
         let worked = work();
         let after = now();
+        if let Some(worst) = LOCKS.get(which) {
+            let held = instructions(LONGEST_LOCK.load(Ordering::Relaxed), 0);
+            worst.fetch_max(held, Ordering::Relaxed);
+        }
         if worked && let Some(count) = counts.pieces.get_mut(which) {
             count.stack_bytes = count.stack_bytes.max(paint.used());
             count.note(instructions(before, after) - empty);

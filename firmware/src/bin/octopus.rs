@@ -41,7 +41,10 @@ mod stm32f4;
 mod usb;
 
 #[cfg(target_os = "none")]
-use {board::Output, stm32f4::pend_stop};
+use {
+    board::Output,
+    stm32f4::{CoreClock as Clock, pend_stop},
+};
 
 #[cfg(target_os = "none")]
 mod board {

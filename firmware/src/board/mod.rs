@@ -7,6 +7,7 @@
 //! heaters, fans       <- BoardPins::put_heat; their sensors -> HeatPort
 //! bytes               <-> fetch, send (Read, Write and their readiness)
 //! settings            <-> sector_flash (an STM32F4's), for the store
+//! interrupts' times    -> gaps (BoardClock); a crash <-> words of memory that a reset leaves
 //! ```
 //! In: levels, conversions and bytes of a chip. Out: inputs, readings and requests of the library, and its steps,
 //! duties and reports at the pins; the settings that a board uses (`built_in`). A board binary adds clocks,
@@ -17,6 +18,8 @@
 //! [`StepOutput`]: crate::steps::output::StepOutput
 
 pub mod built_in;
+mod crash;
+pub mod gaps;
 mod heat_port;
 pub mod input_map;
 mod lamp;
@@ -27,6 +30,7 @@ mod ring;
 pub mod sector_flash;
 mod start;
 
+pub use crash::{KeptCrash, crash_of, kept_crash};
 pub use heat_port::{HeatPort, NoHeat};
 pub use lamp::Lamp;
 pub use line::{Incoming, Line, NoLine, fetch, send};

@@ -66,6 +66,12 @@ impl Receiver {
                 talk.last_fault = None;
             }
             Control::StatusRequest => talk.due.status = true,
+            Control::Measure(begin) => {
+                if !self.measurement.order(begin) {
+                    return Err(RefusalReason::Invalid);
+                }
+                talk.due.measured = !begin;
+            }
             Control::ReportPeriod(period_ms) => {
                 talk.status_period_ticks = ticks_of_ms(period_ms.into(), self.servo_hz).into();
             }
@@ -175,6 +181,7 @@ fn is_for_every_line(control: &Control, motion: &Motion) -> bool {
         | Control::EmergencyStop
         | Control::ClearFault
         | Control::StatusRequest
+        | Control::Measure(_)
         | Control::ReportPeriod(_) => true,
         Control::Heat {
             heater,

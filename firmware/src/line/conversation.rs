@@ -24,6 +24,8 @@ pub(super) struct Due {
     pub(super) nak: bool,
     pub(super) status: bool,
     pub(super) fault: bool,
+    pub(super) crash: bool,
+    pub(super) measured: bool,
 }
 
 /// The controller's end of one line.
@@ -84,6 +86,7 @@ impl Conversation {
         self.due.welcome = true;
         // A later host gets it as well, and the reason for a restart of the board.
         self.due.fault = true;
+        self.due.crash = true;
     }
 
     /// True if a control frame is new; answers it in any case.

@@ -11,6 +11,7 @@
 
 mod commands;
 mod conversation;
+pub mod measurement;
 mod outgoing;
 mod reports;
 mod unpacking;
@@ -27,11 +28,12 @@ use conversation::Owner;
 use headway_protocol::frame::full_sequence;
 use headway_protocol::knot_block::KnotPredictor;
 use headway_protocol::message::{
-    Control, DeviceState, Fault, FaultCause, Finish, Hello, HostMessage, MessageClass,
+    Control, Crash, DeviceState, Fault, FaultCause, Finish, Hello, HostMessage, MessageClass,
     PROTOCOL_VERSION, RefusalReason, SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::FlowEvent;
 use headway_protocol::units::CHANNEL_VOLUME;
+use measurement::Measurement;
 pub use outgoing::Outgoing;
 use unpacking::Unpacking;
 
@@ -92,6 +94,8 @@ pub struct Receiver {
     settings: SettingsInbox,
     /// The message that completed them.
     settings_sequence: u16,
+    measurement: Measurement,
+    crash: Option<Crash>,
 }
 
 impl Receiver {
@@ -111,6 +115,8 @@ impl Receiver {
             next_first_sequence: None,
             settings: SettingsInbox::default(),
             settings_sequence: 0,
+            measurement: Measurement::default(),
+            crash: None,
         }
     }
 
@@ -118,6 +124,16 @@ impl Receiver {
     /// than its host's.
     pub fn wait_for_host(&mut self, silent_ms: u32) {
         self.host_silent_ticks = ticks_of_ms(silent_ms, self.servo_hz).into();
+    }
+
+    /// What the board measures of itself: it is to be served in each round of the main loop.
+    pub fn measurement(&mut self) -> &mut Measurement {
+        &mut self.measurement
+    }
+
+    /// How the run before this one ended, for every greeting.
+    pub fn has_crashed(&mut self, crash: Option<Crash>) {
+        self.crash = crash;
     }
 
     /// Receives one byte of a line. Damaged frames are dropped: the host sends them again. A block of knots makes the

@@ -56,6 +56,11 @@ impl Receiver {
         {
             return Some(DeviceMessage::Fault(fault));
         }
+        if core::mem::take(&mut talk.due.crash)
+            && let Some(crash) = self.crash
+        {
+            return Some(DeviceMessage::Crash(crash));
+        }
         if core::mem::take(&mut talk.due.welcome) {
             return Some(DeviceMessage::Welcome(self.welcome(talk, motion)));
         }
@@ -68,6 +73,12 @@ impl Receiver {
         }
         if core::mem::take(&mut talk.due.ack) {
             return Some(DeviceMessage::Ack(self.ack(talk, motion)));
+        }
+        if talk.due.measured
+            && let Some(figures) = self.measurement.figures()
+        {
+            talk.due.measured = false;
+            return Some(DeviceMessage::Measured(figures));
         }
         if core::mem::take(&mut talk.due.status) {
             return Some(DeviceMessage::Status(self.status(motion)));

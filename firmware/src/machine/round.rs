@@ -3,12 +3,13 @@
 //!
 //! ```text
 //! bytes of a line -> messages, knots weighed -> (servo and steps) -> spans to come -> heat -> drivers -> probe's pin
-//!                 -> bytes of the other lines  -> a report to each
+//!                 -> bytes of the other lines  -> interrupts measured  -> a report to each
 //! ```
 //! In: a [`Receiver`], the motion through a [`Controller`], the hardware around it through [`Surroundings`]. Out:
 //! bytes; duties and pulses to the surroundings. Time is not counted here: a board repeats it as fast as it can, a
 //! simulation once per servo period. Not covered: lines that come and go.
 
+use crate::line::measurement::Measurement;
 use crate::line::{Conversation, Outgoing, Receiver, Request};
 use crate::motion::Motion;
 
@@ -49,6 +50,8 @@ pub trait Surroundings {
     fn heat(&mut self, _controller: &mut impl Controller) {}
     /// Serves the drivers when their turn is due.
     fn drivers(&mut self, _controller: &mut impl Controller) {}
+    /// Measures interrupts, and tells what else was measured, while a measurement is on.
+    fn measure(&mut self, _measurement: &mut Measurement) {}
     /// New pulse length of the probe's pin, us; 0 for no pulses.
     fn pulse(&mut self, _pulse_us: u16) {}
 }
@@ -93,6 +96,9 @@ pub fn round<S: Surroundings>(
     }
     for (line, link) in links.iter_mut().enumerate().skip(1) {
         hear(receiver, line, &mut link.talk, controller, around);
+    }
+    if receiver.measurement().is_on() {
+        around.measure(receiver.measurement());
     }
     for (line, link) in links.iter_mut().enumerate() {
         report(receiver, line, link, controller, around);

@@ -109,6 +109,8 @@ pub fn said(message: Option<&DeviceMessage>, unreadable: bool) -> String {
             status.queue_knots
         ),
         Some(DeviceMessage::Fault(fault)) => format!("fault: {fault}"),
+        Some(DeviceMessage::Measured(_)) => "its own measurement".to_string(),
+        Some(DeviceMessage::Crash(crash)) => format!("it had crashed: {crash}"),
     }
 }
 

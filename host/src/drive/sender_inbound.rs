@@ -25,6 +25,10 @@ impl Sender {
                 self.events.push_back(SenderEvent::Fault(fault));
                 self.handle_fault(fault);
             }
+            DeviceMessage::Measured(figures) => {
+                self.events.push_back(SenderEvent::Measured(figures));
+            }
+            DeviceMessage::Crash(crash) => self.events.push_back(SenderEvent::Crash(crash)),
         }
     }
 

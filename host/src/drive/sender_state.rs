@@ -2,7 +2,8 @@
 
 use crate::job::file::JobHeader;
 use headway_protocol::message::{
-    Control, Fault, PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Status, Welcome,
+    BoardFigures, Control, Crash, Fault, PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH,
+    Status, Welcome,
 };
 use thiserror::Error;
 
@@ -143,6 +144,10 @@ pub enum SenderEvent {
     Refused(Refusal),
     /// A command was accepted.
     Taken(Control),
+    /// What the controller has measured of itself.
+    Measured(BoardFigures),
+    /// How the controller's run before this one ended.
+    Crash(Crash),
 }
 
 /// Counters for reports.

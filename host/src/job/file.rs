@@ -36,6 +36,8 @@ const FOOTER_MAGIC: &[u8; 8] = b"HWJINDEX";
 pub const FORMAT_VERSION: u16 = 1;
 /// Protocol version and schema before streams had units of their own: their frames are those of a stream in base units.
 const BEFORE_UNITS: (u16, u32) = (9, 0xd967_f8b3);
+/// Before boards measured themselves: the stream is the same.
+const BEFORE_MEASUREMENT: (u16, u32) = (10, 0xd8f9_4d11);
 /// Largest header: a million marks take 30 MB.
 const HEADER_BYTES_MAX: u64 = 256 << 20;
 /// Largest index: 64 frames an entry.
@@ -331,7 +333,11 @@ fn parse_header(body: &[u8]) -> Result<JobHeader, JobFileError> {
         .map(|(versions, _)| versions)
         .map_err(|_| damaged(8, "header", "it cannot be read"))?;
     let (format, protocol, schema) = versions;
-    let read = [(PROTOCOL_VERSION, SCHEMA_HASH), BEFORE_UNITS];
+    let read = [
+        (PROTOCOL_VERSION, SCHEMA_HASH),
+        BEFORE_UNITS,
+        BEFORE_MEASUREMENT,
+    ];
     if format != FORMAT_VERSION || !read.contains(&(protocol, schema)) {
         return Err(refusal!(
             "the job file has format {format}, protocol {protocol} and schema {schema:08x}; this program reads \

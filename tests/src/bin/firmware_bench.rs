@@ -269,7 +269,7 @@ fn mean_per_second(values: &BTreeMap<String, u64>) -> f64 {
 }
 
 fn measure() -> Result<Value, Box<dyn Error>> {
-    let elf = image("qemu_bench", "measure-locks")?;
+    let elf = image("qemu_bench", "")?;
     let mut runs = Vec::new();
     let (mut doubled_runs, mut shaped_runs) = (Vec::new(), Vec::new());
     for job in jobs()? {

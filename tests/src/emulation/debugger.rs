@@ -112,6 +112,11 @@ impl Debugger {
         u16::from_str_radix(&answer, 16).map_or(0, u16::swap_bytes)
     }
 
+    /// Writes one.
+    pub fn set_half(&mut self, address: u32, value: u16) {
+        self.done(&format!("M{address:x},2:{:04x}", value.swap_bytes()));
+    }
+
     /// A word of memory or of a peripheral.
     pub fn word(&mut self, address: u32) -> u32 {
         let answer = self.ask(&format!("m{address:x},4"));

@@ -245,6 +245,14 @@ impl EmulatedChip {
         self.say("monitor", &off.join("\n"));
     }
 
+    /// Resets a chip that stands still, as its watchdog does: memory stays. Then as [`Self::set_up`].
+    pub fn reset(&mut self, elf: &Elf, until: &str) {
+        let on = ["read", "write"].map(|way| format!("trace-event memory_region_ops_{way} on"));
+        self.say("monitor", &format!("system_reset\n{}", on.join("\n")));
+        self.model = RegisterModel::default();
+        self.set_up(elf, until);
+    }
+
     fn access_at(&mut self, here: u32) -> ThumbAccess {
         let code = [0, 2].map(|after| self.debugger.half(here + after));
         let access = ThumbAccess::decode(code[0], code[1]);

@@ -3,8 +3,8 @@
 
 use crate::pins::{input, is_high, output};
 use crate::runtime;
-use crate::stm32f4::{CORE_HZ, start};
-use cortex_m::peripheral::DWT;
+use crate::stm32f4::{CORE_HZ, CoreClock, start};
+use headway_firmware::board::gaps::BoardClock;
 use headway_firmware::board::octopus::UART;
 use headway_firmware::drivers::DriverPort;
 use headway_firmware::drivers::one_wire::{BitClock, OneWire, Wires};
@@ -39,12 +39,9 @@ impl Wires for OctopusWires {
     }
 }
 
-/// The core's counter of clocks.
-pub struct CoreClock;
-
 impl BitClock for CoreClock {
     fn now_clocks(&mut self) -> u32 {
-        DWT::cycle_count()
+        <CoreClock as BoardClock>::now_clocks()
     }
 }
 

@@ -26,8 +26,10 @@
 #[cfg(all(feature = "defmt", not(feature = "octopus-serial")))]
 #[path = "log_lock.rs"]
 mod log_lock;
+#[path = "measure.rs"]
+mod measure;
 
-use super::{Output, pend_stop};
+use super::{Clock, Output, pend_stop};
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::ptr::NonNull;
@@ -38,6 +40,7 @@ use cortex_m::peripheral::{SCB, SYST};
 use cortex_m::register::basepri;
 use cortex_m::register::control::{self, Npriv};
 use cortex_m_rt::exception;
+use headway_firmware::board::gaps::BoardClock;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_firmware::line::Receiver;
@@ -47,6 +50,9 @@ use headway_firmware::machine::servo::{Handover, Servo, ServoDone, StepSide, sto
 use headway_firmware::motion::Motion;
 use headway_firmware::motion::inputs::Inputs;
 use headway_firmware::steps::{Moment, StepBank, StepEngine, StepPlayer, Stopped};
+// As above.
+#[allow(unused_imports)]
+pub use measure::{measure, paint_stack};
 
 /// Of the upper four priority bits, which both chips have; steps 0, servo here.
 pub const SERVO_PRIORITY: u8 = 0x80;
@@ -132,6 +138,20 @@ static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 /// Rounds of the main loop.
 static LINK_PASSES: AtomicU32 = AtomicU32::new(0);
 
+/// Clocks of the longest lock and of the longest round since they were last set to 0, and when the last round began.
+pub static LONGEST_LOCK: AtomicU32 = AtomicU32::new(0);
+static LONGEST_ROUND: AtomicU32 = AtomicU32::new(0);
+static ROUND_BEGUN: AtomicU32 = AtomicU32::new(0);
+
+/// Notes the time since `begun`; the main loop alone does.
+#[inline(always)]
+fn note_longest(longest: &AtomicU32, begun: u32) {
+    let clocks = Clock::now_clocks().wrapping_sub(begun);
+    if clocks > longest.load(Ordering::Relaxed) {
+        longest.store(clocks, Ordering::Relaxed);
+    }
+}
+
 /// Adds one to a counter that only one context writes.
 fn count(counter: &AtomicU32) {
     let value = counter.load(Ordering::Relaxed);
@@ -173,6 +193,12 @@ fn next_interval(stepping: &mut Stepping, bank: &mut StepBank) {
     stepping.playing = next.as_ptr();
     PLAYING.store(next.as_ptr(), Ordering::Relaxed);
     HANDOVER.store(EMPTY, Ordering::Release);
+}
+
+/// Servo tick since the start, where nothing interrupts any more.
+pub fn now_servo_tick() -> u32 {
+    // SAFETY: a number is read, and whoever used the motion does not go on.
+    unsafe { SERVO.with(|servo| servo.motion().now_ticks()) }.unwrap_or(0) as u32
 }
 
 /// The present step tick, for interrupts of the steps' own priority.
@@ -304,11 +330,9 @@ pub fn with_motion<R>(work: impl FnOnce(&mut Motion) -> R) -> Option<R> {
     // SAFETY: BASEPRI keeps the servo out; the step interrupt does not use the motion.
     unsafe {
         basepri::write(SERVO_PRIORITY);
-        #[cfg(feature = "measure-locks")]
-        let begun = super::lock_begins();
+        let begun = Clock::now_clocks();
         let result = SERVO.with(|servo| work(servo.motion_mut()));
-        #[cfg(feature = "measure-locks")]
-        super::lock_ends(begun);
+        note_longest(&LONGEST_LOCK, begun);
         basepri::write(0);
         result
     }
@@ -440,6 +464,8 @@ impl Controller for Locked {
     #[inline(always)]
     fn note_round(&mut self) {
         note_pass();
+        note_longest(&LONGEST_ROUND, ROUND_BEGUN.load(Ordering::Relaxed));
+        ROUND_BEGUN.store(Clock::now_clocks(), Ordering::Relaxed);
     }
 }
 

@@ -13,6 +13,8 @@
 mod clocks;
 #[path = "stm32f4_drivers.rs"]
 mod drivers;
+#[path = "stm32f4_ends.rs"]
+mod ends;
 #[path = "stm32f4_flash.rs"]
 mod flash;
 #[path = "stm32f4_heat.rs"]
@@ -24,22 +26,25 @@ pub mod start;
 
 use crate::board::{
     CHIP_ID, DriverPins, HeatPins, INPUTS, MUST_BE_NAMED, Output, PORTS_CLOCK_MASK, Pins,
-    SERIAL_CLOCK_MASK, SERIAL_INTERRUPT, SERIAL_PORT, ServoPin, UsbLine, heaters, heaters_off,
-    input, set_up_board,
+    SERIAL_CLOCK_MASK, SERIAL_INTERRUPT, SERIAL_PORT, ServoPin, UsbLine, heaters, input,
+    set_up_board,
 };
 use crate::runtime::{self, Board, Locked, Shared, with_motion};
 use core::convert::Infallible;
-use cortex_m::peripheral::{NVIC, Peripherals};
+use cortex_m::peripheral::{DWT, NVIC, Peripherals};
 use cortex_m_rt::exception;
 use drivers::DriverLoop;
 use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
+pub use ends::stop;
 use flash::KeptSettings;
 use headway_firmware::board::built_in::built_for;
+use headway_firmware::board::gaps::BoardClock;
 use headway_firmware::board::{BoardPins, ByteRing, Incoming, chip_fault, fetch, send};
 use headway_firmware::configuration::board_name::{Known, UNNAMED};
 use headway_firmware::configuration::drivers::DriversConfiguration;
 use headway_firmware::design::WEIGHED_KNOTS;
+use headway_firmware::line::measurement::Measurement;
 use headway_firmware::line::{Conversation, Receiver};
 use headway_firmware::machine::round::{Controller, Link, Surroundings, round};
 use headway_firmware::motion::inputs::{EMERGENCY_LOOK_NS, Inputs, is_held};
@@ -328,6 +333,10 @@ impl Surroundings for Around {
         self.drivers.turn();
     }
 
+    fn measure(&mut self, measurement: &mut Measurement) {
+        runtime::measure(measurement);
+    }
+
     #[inline(always)]
     fn pulse(&mut self, pulse_us: u16) {
         self.servo.put(pulse_us);
@@ -369,7 +378,16 @@ fn watchdog_fault(rcc: &pac::RCC) -> Option<Fault> {
     })
 }
 
+/// Tells the receiver what settings are kept and in force, by which clock the board measures, and how the last run ended.
+fn introduce(receiver: &mut Receiver, kept: &KeptSettings) {
+    receiver.keep_settings(kept.limits());
+    receiver.settings_in_force(kept.hash());
+    receiver.measurement().measure_with(CORE_HZ);
+    receiver.has_crashed(start::take_crash());
+}
+
 fn run() -> Option<()> {
+    runtime::paint_stack();
     let mut kept = KeptSettings::find()?;
     let BoardSettings {
         machine: configuration,
@@ -418,8 +436,7 @@ fn run() -> Option<()> {
         with_motion(|motion| motion.fail_softly(fault));
     }
     with_motion(|motion| motion.fit_probe_pin(wiring.pin()));
-    receiver.keep_settings(kept.limits());
-    receiver.settings_in_force(kept.hash());
+    introduce(&mut receiver, &kept);
     let heat = HeatLoop::new(&configuration, &heaters(asked), parts.heat)?;
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
@@ -452,30 +469,17 @@ pub fn main() -> ! {
     stop()
 }
 
-/// Heaters and drivers off, no more interrupts, from any context; the watchdog restarts.
-pub fn stop() -> ! {
-    runtime::regain_privilege();
-    cortex_m::interrupt::disable();
-    heaters_off();
-    // SAFETY: nothing interrupts any more.
-    unsafe {
-        PINS.with(|pins| pins.hold(0));
-    }
-    loop {
-        cortex_m::asm::nop();
-    }
-}
+/// The core's counter of clocks.
+pub struct CoreClock;
 
-/// What no handler has dealt with.
-#[exception]
-unsafe fn HardFault(_: &cortex_m_rt::ExceptionFrame) -> ! {
-    stop()
-}
+impl BoardClock for CoreClock {
+    // A reading and its comparison take ten clocks or so, a step tick a hundred and more.
+    const GAP_CLOCKS: u32 = 40;
 
-/// An interrupt that was not enabled.
-#[exception]
-unsafe fn DefaultHandler(_: i16) -> ! {
-    stop()
+    #[inline(always)]
+    fn now_clocks() -> u32 {
+        DWT::cycle_count()
+    }
 }
 
 /// Waits in the core.
@@ -486,18 +490,4 @@ impl DelayNs for CoreDelay {
         let clocks = u64::from(ns) * u64::from(CORE_HZ / 1_000_000) / 1000;
         cortex_m::asm::delay(clocks as u32);
     }
-}
-
-#[cfg(feature = "prove-no-panic")]
-unsafe extern "C" {
-    /// Defined nowhere: the image only links if the panic handler is never reached.
-    safe fn a_panic_can_be_reached() -> !;
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    #[cfg(feature = "prove-no-panic")]
-    a_panic_can_be_reached();
-    #[cfg(not(feature = "prove-no-panic"))]
-    stop()
 }

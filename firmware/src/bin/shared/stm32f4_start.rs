@@ -8,8 +8,10 @@
 use super::rcc::all_inputs;
 use core::mem::MaybeUninit;
 use headway_firmware::board::{
-    KEPT_WORDS, KeptFault, StartCounter, mix_noise, serial_number, session_of,
+    KEPT_WORDS, KeptCrash, KeptFault, StartCounter, crash_of, kept_crash, mix_noise, serial_number,
+    session_of,
 };
+use headway_protocol::message::Crash;
 
 const SYSTICK_CONTROL: *mut u32 = 0xe000_e010 as *mut u32;
 const ICSR: *mut u32 = 0xe000_ed04 as *mut u32;
@@ -52,6 +54,9 @@ static mut COUNTER: MaybeUninit<[u32; 2]> = MaybeUninit::uninit();
 /// A fault of the heaters that the run before had latched.
 #[unsafe(link_section = ".uninit.start")]
 static mut KEPT: MaybeUninit<[u32; KEPT_WORDS]> = MaybeUninit::uninit();
+/// How the run before crashed.
+#[unsafe(link_section = ".uninit.start")]
+static mut CRASH: MaybeUninit<KeptCrash> = MaybeUninit::uninit();
 #[unsafe(link_section = ".uninit.start")]
 static mut NOISE: MaybeUninit<u32> = MaybeUninit::uninit();
 
@@ -190,6 +195,23 @@ pub fn keep_fault(kept: KeptFault) {
             .cast::<[u32; KEPT_WORDS]>()
             .write_volatile(kept.words());
     }
+}
+
+/// Keeps a crash for the program after the reset.
+pub fn keep_crash(crash: &Crash) {
+    let kept = kept_crash(crash);
+    // SAFETY: memory that is there; nothing interrupts any more.
+    unsafe { (&raw mut CRASH).cast::<KeptCrash>().write_volatile(kept) }
+}
+
+/// How the run before crashed, if it did; once.
+pub fn take_crash() -> Option<Crash> {
+    let place = (&raw mut CRASH).cast::<KeptCrash>();
+    // SAFETY: memory that is there and used from the main loop alone; all values are possible.
+    let kept = unsafe { place.read_volatile() };
+    // SAFETY: as before.
+    unsafe { place.write_volatile([0; 28]) };
+    crash_of(&kept)
 }
 
 /// The number of this start; once, from the main loop.

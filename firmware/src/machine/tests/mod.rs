@@ -309,6 +309,7 @@ impl Host {
                     DeviceMessage::Welcome(welcome) => assert_eq!(welcome.session, 77),
                     DeviceMessage::Nak(ack) => self.ack = Some(ack),
                     DeviceMessage::Refused(refusal) => self.refusals.push(refusal.reason),
+                    DeviceMessage::Measured(_) | DeviceMessage::Crash(_) => {}
                 }
             }
         }

@@ -117,6 +117,7 @@ fn status_period() -> clap::builder::RangedI64ValueParser<u16> {
 #[command(after_help = "\
 Examples:
   headway board status --port /dev/ttyACM0
+  headway board measure --port /dev/ttyACM0
   headway board home z x y --port /dev/ttyACM0
   headway board jog x 10 --speed 20 --port /dev/ttyACM0
   headway board set-joint c 0 --port /dev/ttyACM0
@@ -163,6 +164,25 @@ pub(crate) struct SimulateArgs {
     /// at the start, before --machine.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::AnyPath)]
     pub settings: Option<OutputPath>,
+}
+
+/// `headway board measure`.
+#[derive(Debug, Args)]
+pub(crate) struct MeasureArgs {
+    /// Duration of the measurement, s.
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = measured_seconds)]
+    pub seconds: f64,
+    /// One JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub port: PortArgs,
+}
+
+fn measured_seconds(text: &str) -> Result<f64, String> {
+    let seconds: Option<f64> = text.parse().ok();
+    let fits = seconds.filter(|seconds| (0.1..=3600.0).contains(seconds));
+    fits.ok_or_else(|| "0.1 to 3600 seconds".to_string())
 }
 
 /// `headway board probe`.
@@ -244,6 +264,8 @@ pub(crate) enum BoardCommand {
         #[arg(long)]
         json: bool,
     },
+    /// Let the board measure itself: duration of its interrupts, locks and rounds, and its stack.
+    Measure(MeasureArgs),
     /// Home joints, in the order given, and wait.
     Home {
         /// Joints by name (x y z c) or number [default: all with a switch].

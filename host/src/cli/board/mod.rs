@@ -4,6 +4,7 @@ pub(crate) mod configure;
 pub(crate) mod drivers;
 pub(crate) mod heat;
 pub(crate) mod jog;
+pub(crate) mod measure;
 pub(crate) mod operator;
 pub(crate) mod port;
 pub(crate) mod probe;
@@ -16,6 +17,7 @@ use crate::cli::board::configure::configure;
 use crate::cli::board::drivers::{drivers_json, drivers_text};
 use crate::cli::board::heat::{heat, heaters_json, heaters_text};
 use crate::cli::board::jog::{extrude, jog, joint_number, set_joint};
+use crate::cli::board::measure::measure;
 use crate::cli::board::operator::Operator;
 use crate::cli::board::port::no_answer;
 use crate::cli::board::probe::{mesh, over_bed, probe};
@@ -42,6 +44,7 @@ pub(crate) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
             let status = talk.status()?;
             console.result(&status_text(&status, *json))
         }
+        BoardCommand::Measure(args) => measure(args, console),
         BoardCommand::Home {
             joints,
             machine,
@@ -174,6 +177,7 @@ fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliErro
             "stream": stream,
             "settings_hash": format!("{:08x}", welcome.settings_hash),
             "fault": talk.fault.map(|fault| fault.to_string()),
+            "crash": talk.crash.map(|crash| crash.to_string()),
         });
         return console.result(&format!("{value:#}\n"));
     }
@@ -187,9 +191,12 @@ fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliErro
     let fault = talk
         .fault
         .map_or(String::new(), |fault| format!("stopped: {fault}\n"));
+    let crash = talk.crash.map_or(String::new(), |crash| {
+        format!("the run before crashed: {crash}\n")
+    });
     console.result(&format!(
         "firmware {major}.{minor}.{patch}, protocol {}, schema {:08x}\nmachine {:08x}, {settings}, servo {} Hz, \
-         steps {} Hz\nqueue of {} knots and {} flow events; {stream}\n{fault}",
+         steps {} Hz\nqueue of {} knots and {} flow events; {stream}\n{fault}{crash}",
         welcome.protocol_version,
         welcome.schema_hash,
         welcome.machine_hash,

@@ -15,7 +15,9 @@ use crate::drive::pump::{Pump, host_session};
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderEvent, SenderState};
 use headway_firmware::configuration::MachineConfiguration;
-use headway_protocol::message::{Control, DeviceState, Fault, Status, Welcome};
+use headway_protocol::message::{
+    BoardFigures, Control, Crash, DeviceState, Fault, Status, Welcome,
+};
 use std::time::{Duration, Instant};
 
 /// A conversation without a stream.
@@ -27,6 +29,8 @@ pub(crate) struct Talk<'o> {
     pub welcome: Option<Welcome>,
     /// The fault that it reported with its `Welcome`.
     pub fault: Option<Fault>,
+    /// How its run before this one ended, if in a crash.
+    pub crash: Option<Crash>,
     /// The operator, who may end it and owns the heaters that it switches on.
     operator: Option<&'o Operator<'o>>,
     /// Something moves by its command.
@@ -53,6 +57,7 @@ impl<'o> Talk<'o> {
             sender: Sender::talking(host_session()),
             welcome: None,
             fault: None,
+            crash: None,
             operator,
             moves: false,
         };
@@ -76,6 +81,9 @@ impl<'o> Talk<'o> {
                 }
                 if let SenderEvent::Fault(fault) = &event {
                     self.fault = Some(*fault);
+                }
+                if let SenderEvent::Crash(crash) = &event {
+                    self.crash = Some(*crash);
                 }
                 if let Some(found) = wanted(&mut self.sender, &event) {
                     return Ok(found);
@@ -167,6 +175,21 @@ impl<'o> Talk<'o> {
         Ok(status)
     }
 
+    /// Lets the board measure itself for so long.
+    pub(crate) fn measure(&mut self, lasts: Duration) -> Result<BoardFigures, CliError> {
+        self.order(Control::Measure(true))?;
+        let begun = Instant::now();
+        while begun.elapsed() < lasts {
+            self.status()?;
+            std::thread::sleep(MEASURE_LOOK.min(lasts));
+        }
+        self.sender.command(Control::Measure(false));
+        self.until(|_, event| match event {
+            SenderEvent::Measured(figures) => Some(*figures),
+            _ => None,
+        })
+    }
+
     /// Waits until a move by hand has ended.
     pub(crate) fn wait_for_rest(&mut self) -> Result<Status, CliError> {
         let begun_us = self.pump.now_us();
@@ -229,6 +252,8 @@ const NOTHING_PRINTS: &str =
     "nothing prints yet: `abort`, `stop` and Ctrl-C are heard now, the others once it does";
 /// Period of checks of a heater, and longest heating.
 const HEAT_LOOK: Duration = Duration::from_millis(200);
+/// Period of questions while a board measures.
+const MEASURE_LOOK: Duration = Duration::from_millis(100);
 pub(crate) const HEAT_PATIENCE: Duration = Duration::from_secs(3600);
 /// A move by hand that makes no step: the longest prime takes a minute and may be of one step.
 const STANDSTILL_PATIENCE: Duration = Duration::from_secs(90);

@@ -310,6 +310,8 @@ impl Run<'_> {
                 if matches!(self.sender.state(), SenderState::Failed(_)) => {}
             SenderEvent::Refused(refusal) => self.tell(format!("refused: {}", refusal.reason)),
             SenderEvent::Fault(fault) => self.tell(format!("fault: {fault}")),
+            SenderEvent::Crash(crash) => self.tell(format!("the run before crashed: {crash}")),
+            SenderEvent::Measured(_) => {}
             SenderEvent::Taken(control) => {
                 self.operator.taken(&control);
                 if control == Control::Pause {

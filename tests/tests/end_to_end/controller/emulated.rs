@@ -52,13 +52,13 @@ fn board() -> Option<&'static Path> {
 }
 
 /// A planned example and what the simulation makes of it.
-struct Example {
-    frames: WireFrames,
-    settings: Settings,
+pub(super) struct Example {
+    pub(super) frames: WireFrames,
+    pub(super) settings: Settings,
     simulated: SimulationFigures,
 }
 
-fn example() -> &'static Example {
+pub(super) fn example() -> &'static Example {
     static EXAMPLE: OnceLock<Example> = OnceLock::new();
     EXAMPLE.get_or_init(|| {
         let settings = Settings {
@@ -89,14 +89,14 @@ fn the_board_to_flash_has_the_machine_that_the_command_plans_for() {
 }
 
 /// The board in QEMU, with its UART as a socket. Killed when dropped.
-struct Emulator {
+pub(super) struct Emulator {
     process: Child,
     line: UnixStream,
     socket: PathBuf,
 }
 
 impl Emulator {
-    fn start(elf: &Path, name: &str) -> Self {
+    pub(super) fn start(elf: &Path, name: &str) -> Self {
         let socket = elf.with_file_name(format!("{name}.socket"));
         let process = Command::new("qemu-system-arm")
             .args(["-machine", "mps2-an386", "-cpu", "cortex-m4", "-nographic"])
@@ -180,7 +180,7 @@ const LOST_BYTES: u32 = 24;
 
 /// What goes wrong between host and board, either way: byte by byte, since a busy machine reads fewer at
 /// a time.
-struct Faults {
+pub(super) struct Faults {
     random: Pcg64Mcg,
     flip_per_byte: f64,
     drop_per_byte: f64,
@@ -198,7 +198,7 @@ enum Way {
 }
 
 impl Faults {
-    fn new(seed: u64, flip_per_byte: f64, drop_per_byte: f64) -> Self {
+    pub(super) fn new(seed: u64, flip_per_byte: f64, drop_per_byte: f64) -> Self {
         Self {
             random: Pcg64Mcg::seed_from_u64(seed),
             flip_per_byte,
@@ -231,11 +231,11 @@ impl Faults {
 }
 
 /// Streams the job to its end; the sender's clock is the wall's. `watch` sees every piece of news.
-fn stream(
+pub(super) fn stream(
     sender: &mut Sender,
     board: &mut Emulator,
     faults: &mut Faults,
-    mut watch: impl FnMut(&SenderEvent),
+    mut watch: impl FnMut(&SenderEvent, &mut Sender),
 ) {
     let started = Instant::now();
     let mut out = [0; FRAME_BYTES_MAX];
@@ -254,19 +254,19 @@ fn stream(
             board.line.write_all(&bytes).expect("the line is open");
         }
         while let Some(event) = sender.poll_event() {
-            watch(&event);
+            watch(&event, sender);
             last = Some(event);
         }
     }
 }
 
-fn alone() -> MutexGuard<'static, ()> {
+pub(super) fn alone() -> MutexGuard<'static, ()> {
     ALONE
         .lock()
         .unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
-fn sender() -> Sender {
+pub(super) fn sender() -> Sender {
     let Example {
         frames, settings, ..
     } = example();
@@ -286,7 +286,7 @@ fn print(elf: &Path, name: &str, faults: &mut Faults) -> serde_json::Value {
     let mut board = Emulator::start(elf, name);
     let mut sender = sender();
     let started = Instant::now();
-    stream(&mut sender, &mut board, faults, |_| {});
+    stream(&mut sender, &mut board, faults, |_, _| {});
     assert_eq!(*sender.state(), SenderState::Done);
     println!("{name}: {:?}, {:?}", started.elapsed(), sender.figures());
     let report = board.report();
@@ -350,7 +350,7 @@ fn the_emergency_input_of_the_emulated_core_lets_no_further_step_out() {
     let mut sender = sender();
     let mut pressed = false;
     let socket = button(&board.socket);
-    let press = |event: &SenderEvent| {
+    let press = |event: &SenderEvent, _: &mut Sender| {
         if let SenderEvent::Status(status) = event
             && status.state == DeviceState::Running
             && status.spans_done > 40

@@ -91,12 +91,13 @@ const SERVO_WORST_SHAPED: [(&str, f64); 4] = [
     ("trunnion", 1.2 * SERVO_WORST_TRUNNION),
     ("arm6", 1.2 * SERVO_WORST_ARM6),
 ];
-// Half of the chip's 512 KiB. With planar and gantry alone 125 KiB were used of 128; the table, the arm and
+// Of the chip's 512 KiB. With planar and gantry alone 125 KiB were used of 128; the table, the arm and
 // the derivatives of all of them take 31.5 KiB more; a decoder for each line and the checks of the start 5;
 // heaters, their guards, commands and status 13.1 (185.6 KiB in all, where 176 were allowed before); shapers 16;
 // settings over the line 9; the probe, drivers and the guards of the start (the board's name, a panic without privilege,
-// cold extrusion, pieces of the main loop) bring it to 259.3 KiB, where 256 were allowed before.
-const FLASH_BYTES: f64 = 300.0 * 1024.0;
+// cold extrusion, pieces of the main loop) bring it to 259.3 KiB, where 256 were allowed before; flow curves and what was added
+// until them to 294.3; what a board measures of itself and the record of a crash take 10.1 KiB more, where 300 were allowed.
+const FLASH_BYTES: f64 = 320.0 * 1024.0;
 // No goals: what is reached with the jobs as they are planned today, a twentieth above it for another
 // compiler. The worst tick hangs on the job: what coincides in it (1208 instructions with an earlier
 // plan of the same parts, 1269 with the one before, 1347 with the next, by one firmware, 1219 with

@@ -4,4 +4,5 @@ mod device_check;
 mod drivers;
 mod emulated;
 mod figures;
+mod measured;
 mod thermal;

@@ -36,6 +36,24 @@ fn a_job_of_protocol_version_9_makes_the_steps_that_it_made_then() {
 }
 
 #[test]
+fn a_job_of_protocol_version_10_is_read_and_one_of_a_later_version_is_not() {
+    let job = file::read(&mut Cursor::new(OLD_JOB)).expect("an old job");
+    let stream = job.stream().expect("its stream");
+    // Version and schema of that build; the frames are the same.
+    for (version, schema, is_read) in [(10, 0xd8f9_4d11, true), (10, 1, false), (12, 1, false)] {
+        let mut header = job.header.clone();
+        (header.protocol_version, header.schema_hash) = (version, schema);
+        let mut written = Cursor::new(Vec::new());
+        file::write(&mut written, &header, &job.frames).expect("memory");
+        let read = file::read(&mut Cursor::new(written.into_inner()));
+        assert_eq!(read.is_ok(), is_read, "{version}");
+        if let Ok(read) = read {
+            assert_eq!(read.stream().expect("its stream"), stream);
+        }
+    }
+}
+
+#[test]
 fn a_ring_of_concrete_is_not_held_up_by_what_a_span_carries() {
     let text = std::fs::read_to_string(concat!(
         env!("CARGO_MANIFEST_DIR"),
