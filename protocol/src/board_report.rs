@@ -34,6 +34,8 @@ pub struct BoardFigures {
     pub stack_used_bytes: u32,
     /// Room for it, bytes.
     pub stack_bytes: u32,
+    /// The supply below which the chip resets itself, as its maker numbers levels; 0: it does not.
+    pub brown_out_level: Option<u8>,
 }
 
 /// What ended the run before a reset.

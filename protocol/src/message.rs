@@ -50,7 +50,8 @@ settings_hash u32}\n\
 referenced u8,switches u8,counts vec i32,heaters vec{decidegrees i16,target u16,duty u16},fan u16,fault option,\
 drivers vec{flags u16,scale u8,retries u16},probe 0 none 1 touched i32 2 not found 3 pressed 4 stays pressed}\n\
  5 fault{cause 0..30 u8,index u8,value i32}\n\
- 6 measured{clock u32,step{count u32,min u32,mean u32,max u32},servo(step),lock u32,round u32,used u32,stack u32}\n\
+ 6 measured{clock u32,step{count u32,min u32,mean u32,max u32},servo(step),lock u32,round u32,used u32,stack u32,\
+brown_out option u8}\n\
  7 crash{cause 0 core u32 1 panic u32 2 interrupt u32,pc u32,lr u32,tick u32}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].

@@ -221,6 +221,7 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
             round_max_clocks: 84_000,
             stack_used_bytes: 12_000,
             stack_bytes: 86_016,
+            brown_out_level: Some(3),
         }),
         "crash" => DeviceMessage::Crash(Crash {
             cause: CrashCause::HardFault(0x0001_0000),

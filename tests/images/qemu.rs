@@ -391,7 +391,7 @@ mod board {
             &mut peripherals.SCB,
             &mut peripherals.SYST,
         )?;
-        receiver.measurement().measure_with(CLOCK_HZ);
+        receiver.measurement().measure_with(CLOCK_HZ, None);
         Some(serve(receiver, &configuration))
     }
 

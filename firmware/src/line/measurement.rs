@@ -24,17 +24,22 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// The board measures with a clock of this frequency.
-    pub fn measure_with(&mut self, clock_hz: u32) {
+    /// The board measures with a clock of this frequency; the level of its brown-out reset, where it knows it.
+    pub fn measure_with(&mut self, clock_hz: u32, brown_out_level: Option<u8>) {
         self.figures.clock_hz = clock_hz;
+        self.figures.brown_out_level = brown_out_level;
     }
 
     /// By a host's order: begins anew, or ends. False on a board that cannot.
     pub(super) fn order(&mut self, begin: bool) -> bool {
-        let clock_hz = self.figures.clock_hz;
+        let BoardFigures {
+            clock_hz,
+            brown_out_level,
+            ..
+        } = self.figures;
         if begin {
             *self = Self::default();
-            self.measure_with(clock_hz);
+            self.measure_with(clock_hz, brown_out_level);
             self.phase = Phase::On;
         } else if self.is_on() {
             self.phase = Phase::Ending;
@@ -125,7 +130,7 @@ mod tests {
     fn durations_are_counted_and_steps_in_a_servo_tick_subtracted() {
         let mut measured = Measurement::default();
         assert!(!measured.order(true), "no clock");
-        measured.measure_with(168_000_000);
+        measured.measure_with(168_000_000, Some(3));
         assert!(measured.order(true) && measured.is_on());
         measured.note_servo(900_000, 2);
         for milliclocks in [100_400, 150_600, 110_000] {
@@ -151,6 +156,7 @@ mod tests {
         };
         assert_eq!((figures.step, figures.servo), (step, servo));
         assert_eq!((figures.lock_max_clocks, figures.stack_bytes), (5, 8));
+        assert_eq!(figures.brown_out_level, Some(3));
         assert!(!measured.is_on());
     }
 
@@ -160,7 +166,7 @@ mod tests {
         let mut motion = Motion::new(&machine, &HomingConfiguration::none());
         let mut receiver = Receiver::new(&machine, 1);
         if let Some(clock_hz) = clock_hz {
-            receiver.measurement().measure_with(clock_hz);
+            receiver.measurement().measure_with(clock_hz, None);
         }
         receiver.has_crashed(crash);
         let mut talk = Conversation::new(&machine, 0);

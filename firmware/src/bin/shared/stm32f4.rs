@@ -382,7 +382,9 @@ fn watchdog_fault(rcc: &pac::RCC) -> Option<Fault> {
 fn introduce(receiver: &mut Receiver, kept: &KeptSettings) {
     receiver.keep_settings(kept.limits());
     receiver.settings_in_force(kept.hash());
-    receiver.measurement().measure_with(CORE_HZ);
+    receiver
+        .measurement()
+        .measure_with(CORE_HZ, Some(flash::brown_out_level()));
     receiver.has_crashed(start::take_crash());
 }
 

@@ -37,6 +37,12 @@ impl FlashBus for Registers {
     }
 }
 
+/// Level of the brown-out reset, by the option bytes (RM0390, FLASH_OPTCR): 1 to 3, 0 for none.
+pub fn brown_out_level() -> u8 {
+    const OPTIONS: usize = 0x14;
+    3 - (Registers.register(OPTIONS) >> 2 & 3) as u8
+}
+
 /// The store, and the settings that the board can run.
 pub struct KeptSettings {
     store: SettingsStore<SectorFlash<Registers>>,

@@ -52,6 +52,7 @@ fn figures_json(figures: &BoardFigures) -> Value {
         "round_max_us": microseconds(figures.round_max_clocks.into(), figures.clock_hz),
         "stack_used_bytes": figures.stack_used_bytes,
         "stack_bytes": figures.stack_bytes,
+        "brown_out_level": figures.brown_out_level,
     })
 }
 
@@ -76,15 +77,26 @@ fn figures_text(figures: &BoardFigures, [step_hz, servo_hz]: [u32; 2]) -> String
     let clock_hz = figures.clock_hz;
     format!(
         "clock {:.1} MHz\n{}{}longest lock {:.1} us, longest round of the main loop {:.1} us (measurement included)\n\
-         stack {} of {} bytes\n",
+         stack {} of {} bytes\n{}",
         f64::from(clock_hz) / 1e6,
         tick_text("step tick", &figures.step, step_hz, clock_hz),
         tick_text("servo tick", &figures.servo, servo_hz, clock_hz),
         microseconds(figures.lock_max_clocks.into(), clock_hz),
         microseconds(figures.round_max_clocks.into(), clock_hz),
         figures.stack_used_bytes,
-        figures.stack_bytes
+        figures.stack_bytes,
+        brown_out_text(figures.brown_out_level)
     )
+}
+
+fn brown_out_text(level: Option<u8>) -> String {
+    match level {
+        None => String::new(),
+        Some(0) => "no brown-out reset: a supply that sags may run the core astray; set level 3 in the chip's option \
+                    bytes\n"
+            .to_string(),
+        Some(level) => format!("brown-out reset at level {level}\n"),
+    }
 }
 
 #[cfg(test)]
@@ -105,6 +117,7 @@ mod tests {
             round_max_clocks: 84_000,
             stack_used_bytes: 12_000,
             stack_bytes: 86_016,
+            brown_out_level: Some(0),
             ..BoardFigures::default()
         };
         let text = figures_text(&figures, [200_000, 2000]);
@@ -112,7 +125,7 @@ mod tests {
             "step tick: 120 min, 187.2 mean, 336 max clocks, 2.00 us or 40 % of its period (9 measured)",
             "servo tick: none was measured",
             "longest lock 10.0 us, longest round of the main loop 500.0 us",
-            "stack 12000 of 86016 bytes",
+            "stack 12000 of 86016 bytes\nno brown-out reset",
         ] {
             assert!(text.contains(part), "{part}: {text}");
         }
