@@ -1,5 +1,6 @@
 //! Boards by the command: streamed to, asked, commanded, calibrated, watched; images in the emulator.
 
+mod analyser;
 mod board_crash;
 mod board_pins;
 mod board_stop;
