@@ -230,7 +230,7 @@ pub(crate) const OF_OUTLINES: &str = "--layers, --copies, --copy-gap, --walls, -
     --skirt-distance-mm, --bridge-max, --pass, --law, --quality, --overlap";
 
 /// Lines, and no walls that they are inside of.
-pub fn no_walls() -> Refusal {
+fn no_walls() -> Refusal {
     refusal!(
         "lines and solid layers fill the ground inside the walls: say how many with --walls \
          (without it every layer is solid)"
@@ -238,7 +238,7 @@ pub fn no_walls() -> Refusal {
 }
 
 /// Density and spacing of the same lines.
-pub fn spacing_and_density() -> Refusal {
+fn spacing_and_density() -> Refusal {
     refusal!("--infill-spacing and --infill-density say the same in two ways: give one of them")
 }
 
