@@ -378,6 +378,7 @@ impl Settings {
         self.check_switches()?;
         self.check_probe()?;
         self.check_pump()?;
+        self.check_measure()?;
         self.check_wiring()
     }
 

@@ -100,6 +100,20 @@ choice! {
 }
 
 choice! {
+    /// What corrects the flow of a running print.
+    #[derive(Default)]
+    FlowController {
+        /// The sensor program's own flow.
+        #[default]
+        Flow = "flow",
+        /// Scans of layers set the flow of the next ones.
+        Layer = "layer",
+        /// The pump's pressure is kept.
+        Pressure = "pressure",
+    }
+}
+
+choice! {
     /// Where a run of waypoints lies.
     #[derive(Default)]
     Place {
@@ -132,5 +146,6 @@ mod tests {
         check(SeamPlace::NAMES);
         check(Place::NAMES);
         check(PumpKind::NAMES);
+        check(FlowController::NAMES);
     }
 }

@@ -175,6 +175,7 @@ impl Settings {
             board: None,
             probe: None,
             pump: None,
+            measure: None,
         }
     }
 }

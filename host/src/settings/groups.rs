@@ -6,9 +6,10 @@
 
 use super::heat::{Material, PAUSE_HEAT_MAX_MIN_MOST};
 use super::keys::{
-    ApertureWords, Asked, AskedSwitch, Count, CountFromTwo, Degrees, Form, Known, KnownCount,
-    Milliradians, Named, Plain, Points, Range, Required, Switch, Words, keys,
+    ApertureWords, Asked, AskedSwitch, Count, CountFromTwo, Degrees, FlowRange, Form, Known,
+    KnownCount, Milliradians, Named, Plain, Points, Range, Required, Switch, Words, keys,
 };
+use super::measure::{FlowController, Measure};
 use super::probe::ProbeSettings;
 use super::pump::{PumpKind, PumpOutput};
 use super::wide_beads::{LAYER_TIME_MAX_S, RATIO_RANGE};
@@ -190,5 +191,22 @@ keys! {
         stop_lead_s: Plain = stop_lead_s, PUMP_LEAD;
         rate_min_mm3_s: Plain = rate_min_mm3_s, Within(0.0, MELT_SPEED_RANGE[1]);
         rate_max_mm3_s: Known = rate_max_mm3_s, Above0(MELT_SPEED_RANGE);
+    }
+}
+
+keys! {
+    /// What corrects the flow while a job prints (headway stream --sensor), and how far.
+    MeasureKeys of Measure, "measure" {
+        /// flow (the sensor program's own), layer (scans of layers) or pressure (of the pump).
+        controller: Named<FlowController> = controller, Any;
+        /// Shares of the planned flow.
+        flow_range: FlowRange = flow_range, Any;
+        flow_change_per_s: Plain = flow_change_per_s, Within(1e-4, 1.0);
+        silent_s: Plain = silent_s, Within(0.1, 3600.0);
+        height_noise_mm: Plain = height_noise_mm, Within(1e-4, 50.0);
+        recovery_layers: Plain = recovery_layers, Within(1.0, 100.0);
+        /// In the sensor's unit.
+        pressure: Known = pressure, Above0([1e-9, 1e12]);
+        pressure_gain_per_s: Plain = pressure_gain_per_s, Within(1e-5, 1.0);
     }
 }

@@ -108,6 +108,15 @@ form! {
     }), |_| None
 }
 form! {
+    /// Least and greatest share of the planned flow, as far as the board goes.
+    FlowRange: [f64; 2] => [f64; 2], |given| {
+        let can_be = (0.1..=1.0).contains(&given[0]) && (1.0..=2.0).contains(&given[1]);
+        can_be.then_some(given).ok_or_else(|| {
+            refusal!("measure.flow_range: the least share of the planned flow, 0.1 to 1, then the greatest, 1 to 2")
+        })
+    }, |value, _all| Some(format!("[{}]", value.map(number).join(", "))), |_| None
+}
+form! {
     /// A text.
     Words: String => String, Ok, |value, _all| Some(quoted(value)), |_| None
 }

@@ -21,6 +21,7 @@ pub mod heat;
 mod keys;
 pub mod kinds;
 pub mod machine_file;
+pub mod measure;
 pub mod obstacles;
 pub mod options;
 pub mod probe;
@@ -323,6 +324,8 @@ pub struct Settings {
     pub probe: Option<probe::ProbeSettings>,
     /// The pump, where the machine's own controller drives it.
     pub pump: Option<pump::PumpOutput>,
+    /// What corrects the flow of a running print, where that is not left to a sensor's program.
+    pub measure: Option<measure::Measure>,
 }
 
 #[cfg(test)]

@@ -9,11 +9,12 @@
 use super::aperture_text::from_semi_axes;
 use super::check::joint_names;
 use super::groups::{
-    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, PumpKeys, SkirtKeys,
-    TolerancesKeys,
+    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, MeasureKeys, PrintKeys, ProbeKeys, PumpKeys,
+    SkirtKeys, TolerancesKeys,
 };
 use super::heat::Material;
 use super::kinds::Kinds;
+use super::measure::Measure;
 use super::probe::ProbeSettings;
 use super::pump::PumpOutput;
 use super::{Infill, Settings};
@@ -142,6 +143,7 @@ struct File {
     wiring: FileWiring,
     probe: Option<ProbeKeys>,
     pump: Option<PumpKeys>,
+    measure: Option<MeasureKeys>,
 }
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -178,6 +180,7 @@ impl File {
             heading_motor: drivers::heading_motor(&self.drivers, &machine)?,
             probe: self.probe()?,
             pump: over(&self.pump, PumpKeys::set, PumpOutput::default())?,
+            measure: over(&self.measure, MeasureKeys::set, Measure::default())?,
             switches: self.switches(&machine)?,
             hold: self.joints.held(joint_names(&machine.kinematics)),
             wiring: self.wiring.wiring(&machine)?,

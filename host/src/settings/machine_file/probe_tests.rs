@@ -96,3 +96,25 @@ fn a_pump_reads_back_and_is_checked() {
         ],
     );
 }
+
+/// Goal: bounds and gains of corrections are read and written back as they are. Method: a group with all keys; the command's
+/// tests have what is refused.
+#[test]
+fn corrections_read_back() {
+    let all = "[measure]\ncontroller = \"pressure\"\nflow_range = [0.9, 1.3]\nflow_change_per_s = 0.01\nsilent_s = 5\n\
+               height_noise_mm = 0.1\nrecovery_layers = 2\npressure = 12.5\npressure_gain_per_s = 0.02\n";
+    let settings = read(all).expect(all);
+    let measure = settings.measure.clone().expect("given");
+    assert_eq!(
+        (measure.flow_range, measure.pressure),
+        ([0.9, 1.3], Some(12.5))
+    );
+    let text = to_toml(&settings);
+    for line in all.lines() {
+        assert!(
+            text.lines().any(|written| written == line),
+            "{line}: {text}"
+        );
+    }
+    assert_eq!(from_toml(&text), Ok(settings));
+}

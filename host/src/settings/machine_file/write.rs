@@ -12,8 +12,8 @@ use super::switches::write_switches;
 use super::wiring::write_wiring;
 use crate::settings::check::{axes_joint_names, joint_names, kinematics_name};
 use crate::settings::groups::{
-    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, PrintKeys, ProbeKeys, PumpKeys, SkirtKeys,
-    TolerancesKeys,
+    ExtruderKeys, FlowKeys, InfillKeys, MaterialKeys, MeasureKeys, PrintKeys, ProbeKeys, PumpKeys,
+    SkirtKeys, TolerancesKeys,
 };
 pub(super) use crate::settings::keys::{degrees, nice, number, quoted, triple};
 use crate::settings::{BOTTOM_LAYERS, Infill, Settings, TOP_LAYERS};
@@ -80,6 +80,9 @@ fn written(settings: &Settings, with_layers: bool) -> String {
     }
     if let Some(pump) = &settings.pump {
         PumpKeys::write(&mut text, pump, with_layers);
+    }
+    if let Some(measure) = &settings.measure {
+        MeasureKeys::write(&mut text, measure, with_layers);
     }
     text
 }
