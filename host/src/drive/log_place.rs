@@ -158,6 +158,7 @@ impl Reader {
             Ok(DeviceMessage::Status(status)) => {
                 if let Some(found) = &mut self.found {
                     found.spans_done = found.spans_done.max(status.spans_done);
+                    found.flow_percent = Some(status.flow_percent);
                     found.finished |= status.state == DeviceState::Finished;
                 }
             }

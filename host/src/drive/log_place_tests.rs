@@ -88,6 +88,7 @@ fn the_newest_stream_counts_from_its_start_on() {
         job: 7,
         spans_done: 30,
         frames_sent: 5,
+        flow_percent: Some(100),
         ..LoggedStream::default()
     };
     assert_eq!(found, expected);

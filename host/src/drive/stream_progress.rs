@@ -2,7 +2,7 @@
 
 use crate::job::{MotionState, SegmentStream};
 use headway_protocol::message::Status;
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Z};
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Progress of a job at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +19,8 @@ pub struct Progress {
     pub state: MotionState,
     /// Speed of the tip.
     pub tip_mm_s: f64,
+    /// Where that is, machine coordinates, to a span.
+    pub at_mm: [f32; 3],
 }
 
 /// A job's times and speeds, for queries.
@@ -26,8 +28,8 @@ pub struct Progress {
 pub struct Timeline {
     /// End of each span, servo ticks.
     ends: Vec<u64>,
-    /// Tip speed in the middle of each span at the planned rate.
-    tips_mm_s: Vec<f32>,
+    /// Tip speed in the middle of each span at the planned rate, and the tip at its start.
+    tips: Vec<(f32, [f32; 3])>,
     marks: Vec<crate::job::Mark>,
     servo_hz: f64,
 }
@@ -36,7 +38,7 @@ impl Timeline {
     /// Of a stream.
     pub fn new(stream: &SegmentStream, servo_hz: f64) -> Timeline {
         let mut ends = Vec::with_capacity(stream.knots.len());
-        let mut tips_mm_s = Vec::with_capacity(stream.knots.len());
+        let mut tips = Vec::with_capacity(stream.knots.len());
         for span in stream.spans() {
             let duration = f64::from(span.duration_ticks);
             let rate = span.velocity(0.5 * duration, servo_hz);
@@ -46,11 +48,13 @@ impl Timeline {
                 .sum::<f64>()
                 .sqrt();
             ends.push(span.start_tick + u64::from(span.duration_ticks));
-            tips_mm_s.push(tip as f32);
+            let start = span.position(0.0);
+            let at_mm = [CHANNEL_X, CHANNEL_Y, CHANNEL_Z].map(|channel| start[channel] as f32);
+            tips.push((tip as f32, at_mm));
         }
         Timeline {
             ends,
-            tips_mm_s,
+            tips,
             marks: stream.marks.clone(),
             servo_hz,
         }
@@ -77,7 +81,8 @@ impl Timeline {
 
     /// Where a machine with this status is.
     pub fn at(&self, status: &Status) -> Progress {
-        let spans = status.spans_done as usize;
+        let spans = (status.spans_done as usize).min(self.tips.len().saturating_sub(1));
+        let (tip_mm_s, at_mm) = self.tips.get(spans).copied().unwrap_or_default();
         let tick = self.done_tick(status);
         let total = self.ends.last().copied().unwrap_or(0);
         let rate = f64::from(status.sigma_permille) / 1000.0;
@@ -90,7 +95,8 @@ impl Timeline {
             layer: mark.map_or(0, |mark| mark.layer),
             pass: mark.and_then(|mark| mark.pass),
             state: mark.map_or(MotionState::Hold, |mark| mark.state),
-            tip_mm_s: self.tips_mm_s.get(spans).map_or(0.0, |&tip| f64::from(tip)) * rate,
+            tip_mm_s: f64::from(tip_mm_s) * rate,
+            at_mm,
         }
     }
 }

@@ -79,6 +79,9 @@ pub(crate) struct StreamArgs {
     /// 100]. If the line is silent for 0.2 s the board is queried.
     #[arg(long, value_name = "MS", value_parser = status_period())]
     pub status_period_ms: Option<u16>,
+    /// Correct the flow by what this program prints, as docs/guide/sensor.md says, within the machine file's [measure].
+    #[arg(long, value_name = "CMD", value_hint = ValueHint::CommandString)]
+    pub sensor: Option<String>,
     /// Serve the job's page on this machine only, with the print and its controls. Its address contains a
     /// random key: everybody who knows it can move the machine.
     #[arg(long, help_heading = "Page")]

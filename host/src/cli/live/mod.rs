@@ -64,10 +64,13 @@ pub(crate) struct Snapshot {
     pub layers: u32,
     /// Pass from 0.
     pub pass: Option<u32>,
-    /// Speed of the tip.
+    /// The tip, machine coordinates, and its speed.
+    pub at_mm: [f32; 3],
     pub tip_mm_s: f64,
     pub override_percent: u16,
+    /// The operator's, and what a sensor's program makes of the flow in addition, a share.
     pub flow_percent: u16,
+    pub flow_correction: Option<f64>,
     /// `{celsius, target_celsius, duty}` for each heater that the board has.
     pub heaters: Vec<serde_json::Value>,
     pub fan_percent: f64,

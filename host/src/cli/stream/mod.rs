@@ -4,6 +4,7 @@ pub(crate) mod heat;
 mod leave;
 pub(crate) mod problems;
 pub(crate) mod resume_from;
+mod sensor;
 
 use crate::cli::args::board::{PortArgs, StreamArgs};
 use crate::cli::board::heat::{heaters_json, heaters_text, hot_text};
@@ -19,6 +20,7 @@ use crate::cli::stream::heat::{StreamHeat, pause_heat_max_min};
 use crate::cli::stream::leave::leave;
 use crate::cli::stream::problems::{Problems, log_file};
 use crate::cli::stream::resume_from::Resumed;
+use crate::cli::stream::sensor::Sensor;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::OutputFile;
 use crate::cli::terminal::result_kind::LOG;
@@ -29,7 +31,7 @@ use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
 use crate::drive::stream_progress::{Progress, Timeline};
 use headway_protocol::message::{Control, DeviceState, RefusalReason, Status};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::time::Instant;
 
@@ -106,6 +108,8 @@ fn print(
     operator: &Operator<'_>,
 ) -> Result<Printed, CliError> {
     let header = &job.file.header;
+    let sensor = args.sensor.as_ref();
+    let sensor = sensor.map(|line| Sensor::start(line, job)).transpose()?;
     match resumed {
         Some(rest) => rest.begin(&args.port, &heat, operator)?,
         None => give(&args.port, &heat.before, operator)?,
@@ -117,7 +121,7 @@ fn print(
     let mut run = Run {
         timeline: Timeline::new(&job.stream, f64::from(header.machine.servo_hz)),
         operator,
-        bar: bar(operator.console),
+        bar: operator.console.stream(BAR_STEPS as u64),
         port: args.port.port.clone(),
         sender: match args.resume {
             true => Sender::resuming(frames, setup),
@@ -134,6 +138,7 @@ fn print(
         pause_heat: PauseHeat::new(pause_heat_max_min(args, job)),
         problems: Problems::default(),
         heat,
+        sensor,
     };
     let result = run.until_end();
     if result.is_ok() && !args.no_heat {
@@ -147,6 +152,9 @@ fn print(
     let snapshot = run.snapshot();
     let logged = run.pump.finish();
     logged.map_err(|error| CliError::Job(format!("the log could not be written: {error}")))?;
+    if let Some(sensor) = run.sensor.take() {
+        sensor.end(result.as_ref().err(), &args.port, operator);
+    }
     Ok(Printed {
         result,
         snapshot,
@@ -174,17 +182,6 @@ pub(crate) fn give(
     Ok(())
 }
 
-fn bar(console: &Console) -> ProgressBar {
-    if !console.has_bars() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::with_draw_target(Some(BAR_STEPS as u64), ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template("{bar:24} {percent:>3} % {msg}") {
-        bar.set_style(style);
-    }
-    bar
-}
-
 struct Run<'a> {
     timeline: Timeline,
     operator: &'a Operator<'a>,
@@ -205,6 +202,8 @@ struct Run<'a> {
     /// Heaters and fans on the path, and in a pause.
     heat: StreamHeat,
     pause_heat: PauseHeat,
+    /// What corrects the flow.
+    sensor: Option<Sensor>,
 }
 
 impl Run<'_> {
@@ -225,7 +224,12 @@ impl Run<'_> {
             snapshot.pass = at.pass;
             snapshot.tip_mm_s = at.tip_mm_s;
             snapshot.override_percent = status.override_percent;
+            snapshot.at_mm = at.at_mm;
             snapshot.flow_percent = status.flow_percent;
+            if let Some(correction) = self.correction() {
+                snapshot.flow_percent = correction.operator_percent;
+                snapshot.flow_correction = Some(correction.figures.correction);
+            }
             snapshot.heaters = heaters_json(status);
             snapshot.fan_percent = f64::from(status.fan_permille) / 10.0;
             snapshot.queue_knots = status.queue_knots;
@@ -237,6 +241,8 @@ impl Run<'_> {
         if self.operator.page().is_some() {
             self.operator.publish(&self.snapshot());
         }
+        let say = |sensor: &Sensor| sensor.say(&serde_json::json!(self.snapshot()));
+        self.sensor.iter().for_each(say);
     }
 
     fn say(&self, line: &str) {
@@ -273,6 +279,7 @@ impl Run<'_> {
                 self.note(event);
             }
             self.follow_operator()?;
+            self.follow_sensor();
             self.report_problems();
             if let Some(result) = self.ended() {
                 return result;
@@ -363,6 +370,7 @@ impl Run<'_> {
                     }
                     self.give(Control::Resume);
                 }
+                Wish::Control(control) if self.is_for_sensor(control) => {}
                 Wish::Control(control) => self.give(control),
                 Wish::Interrupt(time) => self.interrupt(time)?,
                 Wish::End => return Err(self.left()),
@@ -496,6 +504,7 @@ impl Run<'_> {
             "job_s": self.timeline.duration_s(),
             "took_s": self.begun.elapsed().as_secs_f64(),
             "final_counts": self.status.as_ref().map(|status| status.counts_steps.to_vec()),
+            "sensor": self.correction().map(|correction| correction.figures),
         })
     }
 }

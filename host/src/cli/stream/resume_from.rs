@@ -40,6 +40,8 @@ pub(crate) struct Resumed {
     pub figures: Value,
     /// For the terminal.
     pub told: Vec<String>,
+    /// The flow override of the log.
+    flow_percent: Option<u16>,
     way: Approach,
 }
 
@@ -48,8 +50,8 @@ impl Resumed {
     pub(crate) fn of(place: &Place, args: &StreamArgs, job: &Job) -> Result<Resumed, CliError> {
         let stream = &job.stream;
         check_switches(job, args.part_clear)?;
-        let mut told = Vec::new();
-        let (pass, reached) = reached(place, job, &mut told)?;
+        let (mut told, mut flow_percent) = (Vec::new(), None);
+        let (pass, reached) = reached(place, job, &mut told, &mut flow_percent)?;
         let machine = &job.file.header.machine;
         let settings = job.settings.as_ref();
         let again = resume(stream, &of_job(job)?, pass, reached, settings, machine)
@@ -59,6 +61,7 @@ impl Resumed {
             remark: rest_remark(job.file.frames.job(), pass),
             figures: figures(&again),
             told,
+            flow_percent,
             way: again.way,
             job: cut(job, again.rest)?,
         })
@@ -81,6 +84,9 @@ impl Resumed {
         drop(talk);
         give(port, &heat.before, operator)?;
         let mut talk = Talk::open_for(port, Some(operator))?;
+        if let Some(percent) = self.flow_percent {
+            talk.order(Control::FlowOverride(percent))?;
+        }
         self.go(&mut talk, &heat.before, operator.console)
     }
 
@@ -143,6 +149,7 @@ fn reached(
     place: &Place,
     job: &Job,
     told: &mut Vec<String>,
+    flow_percent: &mut Option<u16>,
 ) -> Result<(u32, Option<Reached>), CliError> {
     let stream = &job.stream;
     let path = match place {
@@ -179,6 +186,10 @@ fn reached(
              disk that was taken away?), say where instead: --resume-from pass:N or layer:N"
         ));
     }
+    *flow_percent = logged.flow_percent.filter(|percent| *percent != 100);
+    told.extend(flow_percent.map(|percent| {
+        format!("the flow is {percent} % of the plan's, as the log has it; `flow PCT` changes it")
+    }));
     Ok((pass, Some(reached)))
 }
 

@@ -50,12 +50,6 @@ impl Console {
     pub(crate) fn notes_hidden(&self) -> usize {
         self.notes_hidden.load(Ordering::Relaxed)
     }
-
-    /// True on a terminal.
-    pub(crate) fn has_bars(&self) -> bool {
-        self.bars
-    }
-
     /// A line for the eye.
     pub(crate) fn say(&self, line: &str) {
         // Nothing is left to say it to where stderr is closed.
@@ -138,6 +132,18 @@ impl Console {
         }
         bar.set_message(name.to_string());
         bar.enable_steady_tick(Duration::from_millis(80));
+        bar
+    }
+
+    /// A bar over `length` steps with a changing text; invisible in a pipe.
+    pub(crate) fn stream(&self, length: u64) -> ProgressBar {
+        if !self.bars {
+            return ProgressBar::hidden();
+        }
+        let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr());
+        if let Ok(style) = ProgressStyle::with_template("{bar:24} {percent:>3} % {msg}") {
+            bar.set_style(style);
+        }
         bar
     }
 

@@ -22,6 +22,8 @@ pub struct LoggedStream {
     pub frames_sent: u32,
     /// The board has reported the end.
     pub finished: bool,
+    /// The flow override that the board reported last.
+    pub flow_percent: Option<u16>,
     /// The log ends within a line.
     pub is_torn: bool,
     /// The stream continued after the end of the log (as its last line states).

@@ -14,4 +14,5 @@ mod page_attack;
 mod probe;
 mod registers;
 mod resume;
+mod sensor;
 mod stream;

@@ -5,6 +5,7 @@
 //! against the steps of a run without a cut. Then the command itself, with heaters, cut twice.
 #![cfg(unix)]
 
+use crate::board::sensor::with_flow;
 use crate::rig::board::{Board, Host};
 use crate::rig::{folder, headway, object, path, stderr, stdout};
 use headway::drive::link_log::{LinkLog, Way};
@@ -516,11 +517,13 @@ fn a_cut_print_goes_on_with_nothing_missing_and_every_height_kept() {
 }
 
 /// Goal: the command begins again by its log, hot before it moves, and by the log of the rest again; another job's
-/// log and a damaged one are refused with what to do. Method: boards with heaters that are switched off twice.
+/// log and a damaged one are refused with what to do; the correction of the flow is kept. Method: boards with heaters that
+/// are switched off twice, a sensor's program beside the first print alone.
 #[test]
 fn the_command_resumes_from_its_logs_with_heat_in_order() {
     let folder = folder("command");
-    let material = "\n[material]\nhot_end_c = 35\nfirst_layer_hot_end_c = 40\nfan_pct = 50\nfan_from_layer = 2\n";
+    let material = "\n[material]\nhot_end_c = 35\nfirst_layer_hot_end_c = 40\nfan_pct = 50\nfan_from_layer = 2\n\
+                    \n[measure]\nflow_change_per_s = 1.0\n";
     let job = planned_file(&folder, material);
     let text = std::fs::read_to_string(folder.join("machine.toml")).unwrap();
     let settings = machine_file::from_toml(&text).unwrap();
@@ -536,7 +539,11 @@ fn the_command_resumes_from_its_logs_with_heat_in_order() {
     let (first, second, third) = (log("1.log"), log("2.log"), log("3.log"));
 
     let on = board();
-    let mut host = Host::start(&["stream", &job, "--port", &on.port, "--log", &first]);
+    let sensor = with_flow(&folder, "0.9");
+    let begun = [
+        "stream", &job, "--port", &on.port, "--log", &first, "--sensor", &sensor,
+    ];
+    let mut host = Host::start(&begun);
     wait_for_spans(&on.port, &spans_of_layer(&job, 1));
     host.child.kill().unwrap();
     host.child.wait().unwrap();
@@ -581,6 +588,7 @@ fn the_command_resumes_from_its_logs_with_heat_in_order() {
         "printed again for certain",
         "heating",
         "gone cold",
+        "the flow is 90 % of the plan's",
     ];
     for words in told {
         assert!(said.contains(words), "{words}: {said}");
@@ -617,6 +625,8 @@ fn the_command_resumes_from_its_logs_with_heat_in_order() {
     assert_eq!(figures["resumed"]["layer"], 1, "{figures:?}");
     let status = object(&headway(&["board", "status", "--port", &on.port, "--json"]));
     assert_eq!(status["state"], "finished", "{status:?}");
+    // By the log of the second, which knows it from that of the first.
+    assert_eq!(status["flow_percent"], 90, "{status:?}");
     let nothing = ["stream", &job, "--port", &on.port, "--resume-from", &third];
     let nothing = headway(&nothing);
     assert!(

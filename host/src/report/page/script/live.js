@@ -54,7 +54,7 @@
     const heaters = p.heaters.map((h, k) => [["Hot end", "Bed"][k] || `Heater ${k}`,
       (h.celsius === null ? "no sensor" : `${h.celsius.toFixed(1)} °C`) + (h.target_celsius ? ` of ${h.target_celsius.toFixed(0)}` : "")]);
     tiles([["Done", `${(100 * p.done).toFixed(1)} %`], ["Left", p.left_s === null ? "resting" : minutes(p.left_s)], ["Layer", `${p.layer + 1} of ${p.layers}`],
-      ["Tip", `${p.tip_mm_s.toFixed(0)} mm/s`], ["Feed, flow", `${p.override_percent}, ${p.flow_percent} %`], ...heaters]);
+      ["Tip", `${p.tip_mm_s.toFixed(0)} mm/s`], ["Feed, flow", `${p.override_percent}, ${p.flow_percent} %${p.flow_correction ? ` × ${p.flow_correction.toFixed(3)}` : ""}`], ...heaters]);
     if ($("live-follow").checked) document.dispatchEvent(new CustomEvent("print-at", { detail: { layer: p.layer, time_s: p.done * Job.data.duration_s } }));
   }
   async function look() {
