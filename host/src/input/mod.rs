@@ -28,6 +28,7 @@ mod polygon;
 mod settle;
 pub mod space_outline;
 mod svg;
+mod waypoint_columns;
 pub mod waypoints;
 
 use crate::text::refusal::{Refusal, refusal};

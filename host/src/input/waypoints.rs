@@ -17,6 +17,7 @@
 use super::names::{name_of, part_name};
 use super::near_waypoints::{self, usual_gap_mm};
 use super::outline::{FAR_MAX_MM, SIZE_MAX_MM};
+use super::waypoint_columns::{COLUMNS, FURTHER, further_columns, shortened};
 use super::{ReadOptions, Units};
 use crate::gcode::error::too_tilted;
 use crate::settings::PrimeRetract;
@@ -31,16 +32,6 @@ use std::f64::consts::TAU;
 pub const WAYPOINTS_MAX: usize = 200_000;
 /// Largest heading, degrees: a thousand turns. A larger value is an error, and would lose digits.
 pub(super) const HEADING_MAX_DEG: f64 = 360_000.0;
-/// Columns of a table, as its head may call them: the mandatory ones, and the optional ones after
-/// them.
-const COLUMNS: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
-const FURTHER: [&str; 5] = [
-    "heading_deg",
-    "width_mm",
-    "height_mm",
-    "speed_mm_s",
-    "cone_deg",
-];
 /// Widest and highest bead, mm.
 pub(super) const BEAD_MAX_MM: f64 = 100.0;
 /// Slowest and fastest requested speed, mm/s.
@@ -473,41 +464,6 @@ impl Reader {
     }
 }
 
-/// Meaning of the columns after the first six. Refuses a head that gives a column the name of another one;
-/// other names of the first seven are anybody's.
-fn further_columns(line: usize, cells: &[&str]) -> Result<Vec<usize>, Refusal> {
-    let mut further: Vec<usize> = Vec::new();
-    for (column, cell) in cells.iter().enumerate() {
-        let name = cell.to_ascii_lowercase();
-        let of = COLUMNS.iter().position(|known| *known == name);
-        let behind = FURTHER.iter().position(|known| *known == name);
-        let refused = || {
-            refusal!(
-                "line {line}: column {column} is called `{text}`; the columns are x y z nx ny nz in \
-             this order, then any of heading_deg, width_mm, height_mm, speed_mm_s, each once",
-                column = column + 1,
-                text = shortened(cell)
-            )
-        };
-        if of.is_some_and(|of| of != column) || (behind.is_some() && column < COLUMNS.len()) {
-            return Err(refused());
-        }
-        if column >= COLUMNS.len() {
-            // A seventh one is the heading, whatever it is called.
-            let only = cells.len() == COLUMNS.len() + 1;
-            let which = behind.or(only.then_some(0)).ok_or_else(refused)?;
-            if further.contains(&which) {
-                return Err(refused());
-            }
-            further.push(which);
-        }
-    }
-    if further.is_empty() {
-        further.push(0);
-    }
-    Ok(further)
-}
-
 fn is_same(a: &Waypoint, b: &Waypoint) -> bool {
     // Below the resolution of the wire: 1 µrad.
     const SAME_RAD: f64 = 1e-6;
@@ -527,10 +483,6 @@ fn finite(cell: &str) -> Option<f64> {
 
 fn no_direction(line: usize, length: f64) -> Refusal {
     refusal!("line {line}: the tool axis has length {length:.6}; a direction has length 1")
-}
-
-fn shortened(text: &str) -> String {
-    text.chars().take(40).collect()
 }
 
 #[cfg(test)]
