@@ -67,7 +67,7 @@ impl Sensor {
         }
         let (stream, layers) = (&job.stream, job.stream.layers());
         let top_mm = |layer| printed_top_mm(stream, stream.ticks_of_layer(layer)[1]).unwrap_or(0.0);
-        let rise_mm = top_mm(layers - 1) - top_mm(0);
+        let rise_mm = top_mm(layers.saturating_sub(1)) - top_mm(0);
         let settings = job.settings.clone().unwrap_or_default();
         let sensor = Sensor {
             child,
@@ -75,7 +75,7 @@ impl Sensor {
             heard,
             measure: settings.measure.unwrap_or_default(),
             // In a job of one layer there is none to correct: any error is too large.
-            layer_mm: (rise_mm / f64::from(layers - 1)).max(1e-3),
+            layer_mm: (rise_mm / f64::from(layers.saturating_sub(1))).max(1e-3),
             correction: None,
         };
         sensor.say(&json!({ "headway": 1, "job": job.name, "layers": layers }));
