@@ -34,6 +34,7 @@ pub mod pipeline;
 pub mod plan;
 pub mod programs;
 pub mod report;
+pub mod scan;
 pub mod settings;
 pub mod text;
 

@@ -25,8 +25,12 @@ use crate::programs::{Language, ProgramJob, ProgramOptions, write_program};
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
+use crate::scan::cloud::Cloud;
+use crate::scan::layer::Layer;
+use crate::scan::{self, Measured};
 use crate::settings::{Settings, machine_file};
-use std::io::{Cursor, Write};
+use crate::text::refusal::Refusal;
+use std::io::{BufRead, Cursor, Write};
 
 /// A planned job.
 #[derive(Clone, Debug)]
@@ -329,6 +333,26 @@ impl Job {
             figures: with_verdict(figures, &self.file, &self.settings),
             outcome: outcome(&run),
         })
+    }
+
+    /// What a scan of a layer (counted from 0; none: the last) tells of the machine: CSV, XYZ or PLY, with mm per unit.
+    ///
+    /// # Errors
+    /// [`Error::Job`] that says what the scan or the layer lacks.
+    pub fn measure(
+        &self,
+        mut scan: impl BufRead,
+        mm_per_unit: f64,
+        layer: Option<u32>,
+    ) -> Result<Measured, Error> {
+        let job_error = |error: Refusal| Error::Job(error.to_string());
+        let (aperture, transform) = (&self.settings.aperture, &self.file.header.transform);
+        let layer = layer.unwrap_or(self.stream.layers().saturating_sub(1));
+        let layer = Layer::of(&self.stream, self.servo_hz(), transform, aperture, layer);
+        let layer = layer.map_err(job_error)?;
+        let mut cloud = Cloud::new(scan::cell_mm(aperture));
+        scan::read::read(&mut scan, mm_per_unit, &mut cloud).map_err(job_error)?;
+        scan::measure(cloud, &layer, &self.settings).map_err(job_error)
     }
 
     pub(super) fn servo_hz(&self) -> f64 {

@@ -40,6 +40,9 @@ pub use crate::pipeline::reach::{
     LeftOutPlace, PartReach, ReachDirection, ReachLevel, ReachOptions,
 };
 pub use crate::pipeline::shards::{PlannedBlock, PlannedShard};
+pub use crate::scan::{
+    Change, Estimate, FlowFactor, Measured, MeasuredStation, OffPlace, Registration,
+};
 pub use crate::settings::curved_layers::CurvedLayers;
 pub use crate::settings::options::{OPTION_NAMES, Options};
 pub use crate::settings::{HeadingLaw, PassMode, Place, Quality, SeamPlace};

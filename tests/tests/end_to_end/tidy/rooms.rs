@@ -51,6 +51,7 @@ const HOUSES: [House; 3] = [
             "calibration",
             "joint_export",
             "programs",
+            "scan",
             "pipeline",
             "api",
             "cli",

@@ -1,0 +1,75 @@
+//! Keys of a machine file that a scan would change.
+//!
+//! In: estimates, the settings that the layer was printed with. Out: keys with their old and new values, where a value
+//! is off by more than twice its error. Not covered: the nozzle's offset and zero, which are set at the head.
+
+use super::Measured;
+use crate::settings::Settings;
+use serde::Serialize;
+
+/// Standard errors from which a value counts as another.
+const ERRORS: f64 = 2.0;
+
+/// A key with another value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// Group of the machine file.
+    pub group: &'static str,
+    /// Key in it.
+    pub key: &'static str,
+    /// As the layer was printed.
+    pub old: f64,
+    /// As the scan has it.
+    pub new: f64,
+}
+
+/// The keys that change.
+pub(super) fn changes(measured: &Measured, settings: &Settings) -> Vec<Change> {
+    let (ends, extruder) = (&settings.prime_retract, &settings.machine.extruder);
+    // In volumes as asked.
+    let factor = measured.value("flow_factor").unwrap_or(1.0).max(0.01);
+    let off = |name: &str, as_asked: f64| {
+        let found = measured.estimates.iter().find(|of| of.name == name);
+        let found = found.and_then(|of| Some((of.value?, of.error)));
+        found.filter(|(value, error)| (value - as_asked).abs() > ERRORS * error)
+    };
+    let mut changes = Vec::new();
+    let mut change = |group, key, old: f64, new: f64, unit: f64| {
+        let new = (new / unit).round() * unit;
+        // A multiple of the unit, without the rounding of its product.
+        let new = (new * 1e6).round() / 1e6;
+        if new != old {
+            changes.push(Change {
+                group,
+                key,
+                old,
+                new,
+            });
+        }
+    };
+    if let Some((found, _)) = off("flow_factor", 1.0) {
+        let old = settings.flow_factor;
+        change("flow", "factor", old, (old / found).clamp(0.01, 10.0), 1e-4);
+    }
+    let has_curve = !settings.machine.curves.advance.is_empty();
+    let old = extruder.pressure_advance_s;
+    if let Some((found, _)) = off("lag_s", old).filter(|_| !has_curve) {
+        change("extruder", "pressure_advance_s", old, found, 1e-4);
+    }
+    let ends = [
+        ("start_mm3", "prime_mm3", ends.prime_mm3, -1.0),
+        ("stop_mm3", "retract_mm3", ends.retract_mm3, 1.0),
+    ];
+    for (name, key, old, sign) in ends {
+        if let Some((found, _)) = off(name, 0.0) {
+            change(
+                "flow",
+                key,
+                old,
+                (old + sign * found / factor).max(0.0),
+                1e-3,
+            );
+        }
+    }
+    changes
+}
