@@ -38,6 +38,7 @@ pub mod rig;
 pub mod robot_programs;
 pub mod routes;
 pub mod rs274;
+pub mod scanner;
 pub mod segment_oracle;
 pub mod solid_oracle;
 pub mod thermal;

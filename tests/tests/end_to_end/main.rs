@@ -8,6 +8,7 @@ mod headings;
 mod inputs;
 mod layers;
 mod line;
+mod measure;
 mod motion;
 mod six_axes;
 mod slices;
