@@ -49,6 +49,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match &arguments.command {
         Command::Machine(machine) => machine::run(machine, &console),
         Command::Calibrate(calibrate) => plan::calibrate::run(calibrate, &console),
+        Command::Measure(measure) => job::measure::run(measure, &console),
         Command::Plan(plan) => plan::run(plan, &console),
         Command::Replan(replan) => replan::run(replan, &console),
         Command::Headings(headings) => plan::headings::run(headings, &console),

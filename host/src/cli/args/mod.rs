@@ -7,6 +7,7 @@ pub(crate) mod compare;
 pub(crate) mod export;
 pub(crate) mod inspect;
 pub(crate) mod machine;
+pub(crate) mod measure;
 mod names;
 pub(crate) mod other_names;
 pub(crate) mod output_path;
@@ -22,6 +23,7 @@ use crate::cli::args::compare::{CompareArgs, HeadingAxis};
 use crate::cli::args::export::ExportArgs;
 use crate::cli::args::inspect::InspectArgs;
 use crate::cli::args::machine::MachineArgs;
+use crate::cli::args::measure::MeasureArgs;
 use crate::cli::args::other_names::{OtherNames, named};
 use crate::cli::args::reach::ReachArgs;
 use crate::cli::args::replan::ReplanArgs;
@@ -89,6 +91,8 @@ pub(crate) enum Command {
     Board(BoardArgs),
     /// Write a job that prints a pattern from which a value of the machine file is read.
     Calibrate(CalibrateArgs),
+    /// Tell from a scan of a printed layer what of the machine file is wrong.
+    Measure(MeasureArgs),
     /// Write or check a machine file.
     Machine(MachineArgs),
     /// Write the completion script for a shell.

@@ -5,5 +5,6 @@ pub(crate) mod export;
 pub(crate) mod export_gcode;
 pub(crate) mod export_program;
 pub(crate) mod inspect;
+pub(crate) mod measure;
 pub(crate) mod simulate;
 pub(crate) mod view;

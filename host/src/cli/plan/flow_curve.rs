@@ -8,14 +8,12 @@ use super::calibrate::pattern_error;
 use crate::calibration::{FlowFit, Weight, fitted};
 use crate::cli::args::calibrate::CalibrateArgs;
 use crate::cli::error::CliError;
-use crate::cli::reading::load;
+use crate::cli::reading::{load, machine_keys};
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::write_file;
 use crate::settings::Settings;
-use crate::settings::machine_file::edit;
 use crate::text::short_number::Short;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const KEY: &str = "flow_loss";
 
@@ -32,7 +30,7 @@ pub(super) fn run(
     let kept = args
         .write
         .as_deref()
-        .map(|path| put(path, &value))
+        .map(|path| machine_keys::put(path, &[("extruder", KEY, value.clone())]))
         .transpose()?;
     if args.json {
         return console.result(&as_json(&fit, &value));
@@ -99,22 +97,6 @@ fn value(fit: &FlowFit) -> String {
         .map(|of| point(of.mm3_s, of.share))
         .collect();
     format!("[{}]", points.join(", "))
-}
-
-/// Writes the key into a machine file that can be read before and after; returns where the old one is.
-fn put(path: &Path, value: &str) -> Result<PathBuf, CliError> {
-    let old = load::read_text(path)?;
-    let place = |problem: String| CliError::Job(format!("{}: {problem}", path.display()));
-    load::machine(path)?;
-    let new = edit::with_key(&old, "extruder", KEY, value)
-        .map_err(|refused| place(refused.to_string()))?;
-    load::machine_of(new.clone(), path)?;
-    let mut kept = path.as_os_str().to_owned();
-    kept.push(".before");
-    let kept = PathBuf::from(kept);
-    write_file(&kept, old.as_bytes())?;
-    write_file(path, new.as_bytes())?;
-    Ok(kept)
 }
 
 fn as_text(fit: &FlowFit, value: &str) -> String {

@@ -79,7 +79,8 @@ impl Job {
     }
 }
 
-fn open(path: &Path) -> Result<BufReader<File>, CliError> {
+/// A file to be read from its beginning.
+pub(crate) fn open(path: &Path) -> Result<BufReader<File>, CliError> {
     File::open(path)
         .map(BufReader::new)
         .map_err(|problem| CliError::File {

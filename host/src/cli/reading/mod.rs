@@ -5,4 +5,5 @@ pub(crate) mod file_axes;
 pub(crate) mod job;
 pub(crate) mod layer_options;
 pub(crate) mod load;
+pub(crate) mod machine_keys;
 pub(crate) mod part;

@@ -178,6 +178,31 @@ const MACHINE_KEY: [Mistake; 5] = [
     ),
     ("machine check @/name.toml", 1, "the key `name` is missing"),
 ];
+const SCANS: [Mistake; 7] = [
+    ("measure @/ok.json", 2, "--job <JOB.hwj>"),
+    (
+        "measure @/scan.csv --job @/ok.json",
+        2,
+        "name a job file (.hwj)",
+    ),
+    (
+        "measure @/gone.csv --job @/ok.hwj",
+        1,
+        "gone.csv: there is no such file",
+    ),
+    ("measure @/scan.csv --job @/cut.hwj", 1, "cut.hwj"),
+    (
+        "measure @/scan.csv --job @/ok.hwj --layer 9",
+        1,
+        "the job has 1 layers, but --layer is 9",
+    ),
+    ("measure @/scan.csv --job @/ok.hwj --layer 0", 2, "--layer"),
+    (
+        "measure @/scan.csv --job @/ok.hwj --units m",
+        1,
+        "is its unit mm (--units)?",
+    ),
+];
 const OUTPUTS: [Mistake; 7] = [
     ("simulate @/ok.hwj -o @/x", 2, "'--report'"),
     (
@@ -363,6 +388,7 @@ fn files(folder: &Path) {
         "curve.mpf",
         b"G90\nG1 X0 Y0 Z0.2 F600\nBSPLINE\nX1 E1\nX2 Y1 E2\n",
     );
+    write("scan.csv", b"x,y,z\n0,0,0\n30,0,0\n");
     let job = std::fs::read(job).expect("a job");
     write("cut.hwj", &job[..job.len() / 2]);
 }
@@ -371,7 +397,7 @@ fn files(folder: &Path) {
 fn mistakes_are_told_with_what_to_do() {
     let folder = folder("mistakes");
     files(&folder);
-    let tables: [&[Mistake]; 9] = [
+    let tables: [&[Mistake]; 10] = [
         &MISSING,
         &WRONG_KIND,
         &CUT_OFF,
@@ -381,6 +407,7 @@ fn mistakes_are_told_with_what_to_do() {
         &MACHINE_KEY,
         &OUTPUTS,
         &PROGRAMS,
+        &SCANS,
     ];
     let mut wrong = Vec::new();
     for (line, status, part) in tables.into_iter().flatten() {

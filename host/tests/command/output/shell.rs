@@ -3,7 +3,7 @@
 
 use crate::rig::{folder, headway, path, stderr, succeeded};
 
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 13] = [
     "plan",
     "compare",
     "headings",
@@ -16,6 +16,7 @@ const COMMANDS: [&str; 12] = [
     "board",
     "calibrate",
     "machine",
+    "measure",
 ];
 
 #[test]
