@@ -1,7 +1,8 @@
 //! Keys of a machine file that a scan would change.
 //!
 //! In: estimates, the settings that the layer was printed with. Out: keys with their old and new values, where a value
-//! is off by more than twice its error. Not covered: the nozzle's offset and zero, which are set at the head.
+//! is off by more than twice its error. Not covered: the nozzle's offset and zero, which are set at the head; starts and
+//! stops, of which a scan tells the sign and not the size.
 
 use super::Measured;
 use crate::settings::Settings;
@@ -25,9 +26,7 @@ pub struct Change {
 
 /// The keys that change.
 pub(super) fn changes(measured: &Measured, settings: &Settings) -> Vec<Change> {
-    let (ends, extruder) = (&settings.prime_retract, &settings.machine.extruder);
-    // In volumes as asked.
-    let factor = measured.value("flow_factor").unwrap_or(1.0).max(0.01);
+    let extruder = &settings.machine.extruder;
     let off = |name: &str, as_asked: f64| {
         let found = measured.estimates.iter().find(|of| of.name == name);
         let found = found.and_then(|of| Some((of.value?, of.error)));
@@ -55,21 +54,6 @@ pub(super) fn changes(measured: &Measured, settings: &Settings) -> Vec<Change> {
     let old = extruder.pressure_advance_s;
     if let Some((found, _)) = off("lag_s", old).filter(|_| !has_curve) {
         change("extruder", "pressure_advance_s", old, found, 1e-4);
-    }
-    let ends = [
-        ("start_mm3", "prime_mm3", ends.prime_mm3, -1.0),
-        ("stop_mm3", "retract_mm3", ends.retract_mm3, 1.0),
-    ];
-    for (name, key, old, sign) in ends {
-        if let Some((found, _)) = off(name, 0.0) {
-            change(
-                "flow",
-                key,
-                old,
-                (old + sign * found / factor).max(0.0),
-                1e-3,
-            );
-        }
     }
     changes
 }
