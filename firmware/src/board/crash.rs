@@ -6,7 +6,7 @@
 use headway_protocol::frame::checksum;
 use headway_protocol::message::Crash;
 
-/// Postcard, zeros, and the CRC-32 of [`MAGIC`] and these, lowest byte first.
+/// Postcard, zeros, and the CRC-32 of a magic number and these, lowest byte first.
 pub type KeptCrash = [u8; 28];
 const MAGIC: &[u8] = b"Crash";
 
