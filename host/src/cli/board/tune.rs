@@ -6,14 +6,14 @@ use crate::cli::board::heat::{heat, heater_number};
 use crate::cli::board::operator::Operator;
 use crate::cli::board::talk::Talk;
 use crate::cli::error::CliError;
-use crate::cli::reading::load;
+use crate::cli::reading::{load, machine_keys};
 use crate::cli::terminal::console::Console;
-use crate::cli::terminal::output_file::{check_file, write_file};
+use crate::cli::terminal::output_file::check_file;
 use crate::drive::relay_tuning::{RelayTuning, Tuned};
 use crate::settings::heat::HEATER_KEYS;
 use crate::settings::machine_file::write_heater;
 use headway_firmware::configuration::heat::{HeatConfiguration, HeaterConfiguration, HeaterRole};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// A target this far above gives full power: the regulator is at its end there, whatever its gains.
@@ -139,26 +139,13 @@ fn keep(
         HeaterRole::Bed => "bed",
     };
     let text = with_heaters(&old, &heaters);
-    load::machine_of(text.clone(), path)?;
-    let kept = free_name(path);
-    write_file(&kept, old.as_bytes())?;
-    write_file(path, text.as_bytes())?;
+    let kept = machine_keys::replace(path, [&old, &text], ".bak")?;
     let verb = if has_heaters { "changed" } else { "added" };
     console.result(&format!(
         "{}: {verb} the {role}, the old text is in {}; rebuild the firmware for it (headway machine firmware)\n",
         path.display(),
         kept.display()
     ))
-}
-
-/// `FILE.bak`, or with numbers if there is one already.
-fn free_name(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_os_string();
-    name.push(".bak");
-    while Path::new(&name).symlink_metadata().is_ok() {
-        name.push("2");
-    }
-    PathBuf::from(name)
 }
 
 /// The machine file with these heaters instead of its own; all else, comments too, stays.
