@@ -28,9 +28,10 @@ pub struct Change {
 pub(super) fn changes(measured: &Measured, settings: &Settings) -> Vec<Change> {
     let extruder = &settings.machine.extruder;
     let off = |name: &str, as_asked: f64| {
-        let found = measured.estimates.iter().find(|of| of.name == name);
-        let found = found.and_then(|of| Some((of.value?, of.error)));
-        found.filter(|(value, error)| (value - as_asked).abs() > ERRORS * error)
+        let mut estimates = measured.estimates.iter();
+        let found = estimates.find(|of| of.name == name)?;
+        let is_off = |value: &f64| (value - as_asked).abs() > ERRORS * found.error;
+        found.value.filter(is_off)
     };
     let mut changes = Vec::new();
     let mut change = |group, key, old: f64, new: f64, unit: f64| {
@@ -46,13 +47,13 @@ pub(super) fn changes(measured: &Measured, settings: &Settings) -> Vec<Change> {
             });
         }
     };
-    if let Some((found, _)) = off("flow_factor", 1.0) {
+    if let Some(found) = off("flow_factor", 1.0) {
         let old = settings.flow_factor;
         change("flow", "factor", old, (old / found).clamp(0.01, 10.0), 1e-4);
     }
     let has_curve = !settings.machine.curves.advance.is_empty();
     let old = extruder.pressure_advance_s;
-    if let Some((found, _)) = off("lag_s", old).filter(|_| !has_curve) {
+    if let Some(found) = off("lag_s", old).filter(|_| !has_curve) {
         change("extruder", "pressure_advance_s", old, found, 1e-4);
     }
     changes

@@ -238,11 +238,11 @@ impl Run<'_> {
     }
 
     fn publish(&self) {
-        if self.operator.page().is_some() {
-            self.operator.publish(&self.snapshot());
+        let snapshot = self.snapshot();
+        self.operator.publish(&snapshot);
+        if let Some(sensor) = &self.sensor {
+            sensor.say(&json!(snapshot));
         }
-        let say = |sensor: &Sensor| sensor.say(&serde_json::json!(self.snapshot()));
-        self.sensor.iter().for_each(say);
     }
 
     fn say(&self, line: &str) {

@@ -41,14 +41,14 @@ fn steps(table: &Path) -> Vec<(f64, usize, bool)> {
 
 /// Changes of pins: us, pin, level. Pin 2 m is the step of motor m, 2 m + 1 its direction.
 fn changes(steps: &[(f64, usize, bool)], errors: Errors) -> Vec<(f64, usize, bool)> {
-    let mut changes = Vec::new();
-    let mut pulse = |at_us: f64, motor: usize, high_us: f64| {
-        changes.push((at_us, 2 * motor, true));
-        changes.push((at_us + high_us, 2 * motor, false));
+    let pulse = |at_us: f64, motor: usize, high_us: f64| {
+        [
+            (at_us, 2 * motor, true),
+            (at_us + high_us, 2 * motor, false),
+        ]
     };
-    for k in 0..1500 {
-        pulse(f64::from(k) * 100.0, k as usize % MOTORS, 5.0);
-    }
+    let homing = (0..1500).flat_map(|k| pulse(f64::from(k) * 100.0, k as usize % MOTORS, 5.0));
+    let mut changes: Vec<_> = homing.collect();
     let (mut counts, mut forward) = ([0; MOTORS], [false; MOTORS]);
     for (k, &(time_us, motor, direction)) in steps.iter().enumerate() {
         let error = errors
@@ -59,18 +59,13 @@ fn changes(steps: &[(f64, usize, bool)], errors: Errors) -> Vec<(f64, usize, boo
         let jitter_us = 0.4 * (k as f64 * 0.7).sin();
         let mut at_us = BEGIN_US + time_us * (1.0 + 40e-6) + jitter_us;
         at_us += if error == Some(Error::Late) { 9.0 } else { 0.0 };
-        let mut pulse = |at_us: f64, high_us: f64| {
-            changes.push((at_us, 2 * motor, true));
-            changes.push((at_us + high_us, 2 * motor, false));
-        };
         match error {
             Some(Error::Missing) => continue,
-            Some(Error::Short) => pulse(at_us, 0.05),
-            Some(Error::Extra) => {
-                pulse(at_us, 5.0);
-                pulse(at_us + 15.0, 5.0);
-            }
-            _ => pulse(at_us, 5.0),
+            Some(Error::Short) => changes.extend(pulse(at_us, motor, 0.05)),
+            _ => changes.extend(pulse(at_us, motor, 5.0)),
+        }
+        if error == Some(Error::Extra) {
+            changes.extend(pulse(at_us + 15.0, motor, 5.0));
         }
         let way = direction != (error == Some(Error::WrongWay));
         if forward[motor] != way {
