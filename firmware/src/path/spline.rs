@@ -301,6 +301,17 @@ impl Span {
         self.scaled(self.polynomial.jerk(), servo_hz * servo_hz * servo_hz)
     }
 
+    /// Rate and second derivative of one channel alone, natural units and seconds.
+    pub fn rate_and_acceleration_of(&self, channel: usize, t: f64, servo_hz: f64) -> [f64; 2] {
+        let [_, c1, c2, c3] = self.polynomial.coefficients[channel];
+        let per_tick = servo_hz / self.units.per_natural(channel);
+        [
+            (3.0 * c3 * t + 2.0 * c2) * t + c1,
+            (6.0 * c3 * t + 2.0 * c2) * servo_hz,
+        ]
+        .map(|of| of * per_tick)
+    }
+
     fn scaled(&self, mut units: [f64; CHANNELS], per_tick: f64) -> [f64; CHANNELS] {
         for (channel, value) in units.iter_mut().enumerate() {
             *value *= per_tick / self.units.per_natural(channel);

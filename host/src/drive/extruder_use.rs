@@ -47,11 +47,8 @@ impl ExtruderUse {
         self.deposit.resize(window, [0.0; 2]);
         for look in 0..u32::from(span.duration_ticks) * LOOKS_PER_TICK {
             let local = f64::from(look) / f64::from(LOOKS_PER_TICK);
-            let now = [
-                span.velocity(local, servo_hz),
-                span.acceleration(local, servo_hz),
-            ];
-            self.deposit.push_back(now.map(|of| of[CHANNEL_VOLUME]));
+            self.deposit
+                .push_back(span.rate_and_acceleration_of(CHANNEL_VOLUME, local, servo_hz));
             let [before, middle, now] = [0, window - behind, window].map(|at| self.deposit[at]);
             self.deposit.pop_front();
             let at = self.ticks + local - f64::from(delay_ticks);

@@ -19,8 +19,9 @@ use std::collections::BTreeMap;
 const AT_LIMIT: f64 = 0.9;
 /// Path length of a place, mm: about the width of the widest bead.
 const PLACE_MM: f64 = 1.0;
-/// Maximum number of points of a span that are evaluated: every tick of all that do not crawl.
-const LOOKS_A_SPAN: u16 = 512;
+/// Maximum number of points of a span that are evaluated: every tick of all that do not crawl. A span is a cubic of a
+/// tenth of a millimetre or 128 ms, of which accelerations have their extremes at its ends.
+const LOOKS_A_SPAN: u16 = 64;
 /// Number of reported places.
 const PLACES: usize = 5;
 

@@ -18,14 +18,15 @@ use crate::plan::coverage::raster::SKEW_RAD;
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::layers::layer_groups::OFF_REGIONS;
 use crate::plan::outline::contour::Contour;
-use crate::plan::outline::reachable::reachable_count;
+use crate::plan::outline::reachable::reachable;
 use crate::plan::outline::trimmed_outline::{is_beyond_reach, trimmed_outline};
 use crate::plan::progress::{Progress, Stage, Steps};
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// One printing of a region.
 #[derive(Clone, Copy, Debug)]
@@ -88,6 +89,7 @@ pub fn measure(
         .map(|(_, print)| print.like)
         .collect();
     let cell_mm = raster_cell_mm(prints, settings.aperture.unit_mm());
+    let (outlines, reach) = outlines_of(prints);
     let mut measure_up_to = |layer: u32, poses: Vec<SweptPose>| {
         skirt_mm += length_off_regions_mm(&poses, print_of_pass);
         let first = measured.swept.len();
@@ -104,7 +106,8 @@ pub fn measure(
                 let (swept, raster) = match same {
                     Some(swept) => (swept, None),
                     None => {
-                        let region = PrintedRegion::of(print, transform, settings);
+                        let known = &reach[outlines[number]];
+                        let region = PrintedRegion::of(print, transform, settings, known);
                         let (swept, raster) = region.measure(poses, cell_mm);
                         (swept, (print.like >= number).then_some(raster))
                     }
@@ -152,6 +155,20 @@ fn poses_of_prints(
     of_prints
 }
 
+/// The number of each printing's outline, and room for what is known of each.
+fn outlines_of(prints: &[MeasuredPrint]) -> (Vec<usize>, Vec<KnownReach>) {
+    let mut numbers: HashMap<*const Contour, usize> = HashMap::new();
+    let outlines = prints.iter().map(|print| {
+        let next = numbers.len();
+        *numbers
+            .entry(std::ptr::from_ref(print.contour))
+            .or_insert(next)
+    });
+    let outlines = outlines.collect();
+    let reach = numbers.values().map(|_| KnownReach::default()).collect();
+    (outlines, reach)
+}
+
 /// Cells of the rasters: a layer's figures are over all of its regions, however small each is.
 fn raster_cell_mm(prints: &[MeasuredPrint], unit_mm: f64) -> f64 {
     let of_a_layer = prints
@@ -191,6 +208,8 @@ fn same(
 struct PrintedRegion<'a> {
     contour: &'a Contour,
     settings: &'a Settings,
+    /// Of earlier layers of the same outline, which leave much the same cells open.
+    known: &'a KnownReach,
     shift: Vector2,
     frame: Frame,
     outline: Region,
@@ -198,7 +217,12 @@ struct PrintedRegion<'a> {
 }
 
 impl<'a> PrintedRegion<'a> {
-    fn of(print: &MeasuredPrint<'a>, transform: &PartTransform, settings: &'a Settings) -> Self {
+    fn of(
+        print: &MeasuredPrint<'a>,
+        transform: &PartTransform,
+        settings: &'a Settings,
+        known: &'a KnownReach,
+    ) -> Self {
         let contour = print.contour;
         let may_mirror = settings.aperture.is_mirror_image();
         let mut frame = contour.frame.mirrored_if(may_mirror);
@@ -207,6 +231,7 @@ impl<'a> PrintedRegion<'a> {
         PrintedRegion {
             contour,
             settings,
+            known,
             shift: Vector2::new(transform.offset_mm[0], transform.offset_mm[1]),
             frame,
             walls: EdgeIndex::of_region(&outline, settings.aperture.major_mm()),
@@ -253,7 +278,7 @@ impl<'a> PrintedRegion<'a> {
             CELLS_MAX,
             return_mm,
         );
-        let gap_share = reachable_share_of_gaps(&swept, &self.outline, &self.walls, settings);
+        let gap_share = reachable_share_of_gaps(&swept, self);
         let [covered_pct, overlap_pct] = swept.covered_and_overlap_pct();
         let covered_share = covered_pct / 100.0;
         let shares = Swept {
@@ -395,24 +420,34 @@ fn deepest(poses: &[SweptPose], walls: &EdgeIndex, settings: &Settings) -> (f64,
 /// Placements measured side by side: enough for any number of threads.
 const DEPTH_BATCH: usize = 256;
 
+/// Uncovered cells of an outline, by their place: whether some placement inside could cover each.
+type KnownReach = Mutex<HashMap<[u64; 2], bool>>;
+
 /// Which share of the uncovered cells some placement inside could cover.
-fn reachable_share_of_gaps(
-    raster: &Coverage,
-    outline: &Region,
-    walls: &EdgeIndex,
-    settings: &Settings,
-) -> f64 {
+fn reachable_share_of_gaps(raster: &Coverage, region: &PrintedRegion) -> f64 {
     let gaps = raster.count(Cell::Gap);
     if gaps == 0 {
         return 0.0;
     }
+    let aperture = &region.settings.aperture;
     let stride = gaps.div_ceil(ASKED_MAX);
     let asked: Vec<_> = raster.gaps().step_by(stride).collect();
-    // With noise finer than the nozzle most cells are unreachable: no search for those.
-    let hull = trimmed_outline(outline, &settings.aperture);
-    let hull = EdgeIndex::of_region(&hull, settings.aperture.major_mm());
+    let key = |p: &Point2| [p.x.to_bits(), p.y.to_bits()];
+    // No lock is held while threads help each other.
+    let lock = || region.known.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut of_outline = std::mem::take(&mut *lock());
     let mut near = asked.clone();
-    near.retain(|&p| !is_beyond_reach(&hull, p, &settings.aperture));
-    let reached = reachable_count(&settings.aperture, &near, walls);
+    near.retain(|p| !of_outline.contains_key(&key(p)));
+    if !near.is_empty() {
+        of_outline.extend(near.iter().map(|p| (key(p), false)));
+        // With noise finer than the nozzle most cells are unreachable: no search for those.
+        let hull = trimmed_outline(&region.outline, aperture);
+        let hull = EdgeIndex::of_region(&hull, aperture.major_mm());
+        near.retain(|&p| !is_beyond_reach(&hull, p, aperture));
+        let found = reachable(aperture, &near, &region.walls);
+        of_outline.extend(found.iter().map(|(p, is_reached)| (key(p), *is_reached)));
+    }
+    let reached = (asked.iter()).filter(|p| of_outline[&key(p)]).count();
+    *lock() = of_outline;
     reached as f64 / asked.len() as f64
 }

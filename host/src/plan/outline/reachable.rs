@@ -346,34 +346,38 @@ fn to_box2(p: Vector2, [low, high]: &[Vector2; 2]) -> f64 {
 /// room.
 const MISSES: usize = 8;
 
-/// The number of points that can be covered. Neighbouring points are evaluated in sequence: the
-/// placement found for one often covers the next, and without room there is no search.
-pub fn reachable_count(aperture: &Aperture, points: &[Point2], index: &EdgeIndex) -> usize {
+/// The points, and whether each can be covered. Neighbouring points are evaluated in sequence: the placement found for one
+/// often covers the next, and without room there is no search.
+pub fn reachable(aperture: &Aperture, points: &[Point2], index: &EdgeIndex) -> Vec<(Point2, bool)> {
     let tile_mm = aperture.reach_mm();
     let tile = |p: &Point2| [p.y, p.x].map(|c| (c / tile_mm).floor() as i64);
     let mut sorted = points.to_vec();
     sorted.sort_by_key(tile);
     let tiles: Vec<&[Point2]> = sorted.chunk_by(|p, q| tile(p) == tile(q)).collect();
-    let count_in = |points: &&[Point2]| {
+    let of_tile = |points: &&[Point2]| {
         let mut clearance: Option<ClearanceGrid> = None;
         let mut found: Vec<Configuration> = Vec::new();
         let mut missed = 0;
-        let is_reached = |p: &&Point2| {
-            let covers = |at: &Configuration| aperture.contains(at.heading_rad, **p - at.center);
+        let is_reached = |p: Point2| {
+            let covers = |at: &Configuration| aperture.contains(at.heading_rad, p - at.center);
             if found.iter().rev().any(covers) {
                 return true;
             }
             if missed == MISSES && clearance.is_none() {
                 clearance = Some(ClearanceGrid::about(aperture, points, index));
             }
-            let at = search(aperture, **p, index, clearance.as_ref());
+            let at = search(aperture, p, index, clearance.as_ref());
             found.extend(at);
             missed += usize::from(at.is_none());
             at.is_some()
         };
-        points.iter().filter(is_reached).count()
+        let of_points = points
+            .iter()
+            .copied()
+            .zip(points.iter().copied().map(is_reached));
+        of_points.collect::<Vec<_>>()
     };
-    tiles.par_iter().map(count_in).sum()
+    tiles.par_iter().flat_map_iter(of_tile).collect()
 }
 
 #[cfg(test)]
@@ -485,7 +489,14 @@ mod tests {
             points.len()
         );
         assert!(yes > 200 && shut * 2 > points.len() - yes, "{yes} {shut}");
-        assert!(reachable_count(&ELLIPSE, &points, &index) >= yes);
+        let side_by_side = reachable(&ELLIPSE, &points, &index);
+        assert!(
+            side_by_side
+                .iter()
+                .filter(|(_, is_reached)| *is_reached)
+                .count()
+                >= yes
+        );
     }
 
     /// Goal: what cannot be reached is a spot in the corner. Method: a grid over the corner of a square.
