@@ -25,9 +25,8 @@ use crate::programs::{Language, ProgramJob, ProgramOptions, write_program};
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
-use crate::scan::cloud::Cloud;
 use crate::scan::layer::Layer;
-use crate::scan::{self, Measured};
+use crate::scan::{self, Measured, Scale};
 use crate::settings::{Settings, machine_file};
 use crate::text::refusal::Refusal;
 use std::io::{BufRead, Cursor, Write};
@@ -335,14 +334,14 @@ impl Job {
         })
     }
 
-    /// What a scan of a layer (counted from 0; none: the last) tells of the machine: CSV, XYZ or PLY, with mm per unit.
+    /// What a scan of a layer (counted from 0; none: the last) tells of the machine: CSV, XYZ, PLY or a height map.
     ///
     /// # Errors
     /// [`Error::Job`] that says what the scan or the layer lacks.
     pub fn measure(
         &self,
-        mut scan: impl BufRead,
-        mm_per_unit: f64,
+        scan: impl BufRead,
+        scale: &Scale,
         layer: Option<u32>,
     ) -> Result<Measured, Error> {
         let job_error = |error: Refusal| Error::Job(error.to_string());
@@ -350,9 +349,7 @@ impl Job {
         let layer = layer.unwrap_or(self.stream.layers().saturating_sub(1));
         let layer = Layer::of(&self.stream, self.servo_hz(), transform, aperture, layer);
         let layer = layer.map_err(job_error)?;
-        let mut cloud = Cloud::new(scan::cell_mm(aperture));
-        scan::read::read(&mut scan, mm_per_unit, &mut cloud).map_err(job_error)?;
-        scan::measure(cloud, &layer, &self.settings).map_err(job_error)
+        scan::read(scan, scale, &layer, &self.settings).map_err(job_error)
     }
 
     pub(super) fn servo_hz(&self) -> f64 {

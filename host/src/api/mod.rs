@@ -41,7 +41,8 @@ pub use crate::pipeline::reach::{
 };
 pub use crate::pipeline::shards::{PlannedBlock, PlannedShard};
 pub use crate::scan::{
-    Change, Estimate, FlowFactor, Measured, MeasuredStation, OffPlace, Registration,
+    Change, Estimate, FlowFactor, Measured, MeasuredStation, OffPlace, PictureScale, Registration,
+    Scale,
 };
 pub use crate::settings::curved_layers::CurvedLayers;
 pub use crate::settings::options::{OPTION_NAMES, Options};

@@ -23,6 +23,7 @@ pub mod plan_marks;
 pub mod plan_picture;
 pub mod pose_table;
 pub mod reach_picture;
+pub mod scan_picture;
 pub mod track;
 pub mod verdict;
 mod verdict_figures;

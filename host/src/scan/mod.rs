@@ -6,16 +6,17 @@
 //! both --edges: nozzle, Ground of it--> --sections: volume by station--> --estimates: flow, lag, ends--> Measured
 //! ```
 //! In: points, a job's layer. Out: [`Measured`]: values with standard errors, or what a layer needs that tells them. Knows no
-//! files and no planning. Not covered: layers that are not flat, scales of the scanner's axes, pictures as height maps.
+//! files and no planning. Not covered: layers that are not flat, scales of the scanner's axes.
 
 mod changes;
-pub mod cloud;
+mod cloud;
 mod edges;
 mod estimates;
 mod fit;
 mod ground;
+mod height_map;
 pub mod layer;
-pub mod read;
+mod read;
 mod register;
 mod sections;
 
@@ -30,6 +31,7 @@ use estimates::Extruder;
 use ground::{Ground, Nozzle};
 use layer::Layer;
 use serde::Serialize;
+use std::io::BufRead;
 
 /// Ranges of flow that are listed.
 const FLOWS: usize = 10;
@@ -37,6 +39,32 @@ const FLOWS: usize = 10;
 const PLACES: usize = 10;
 /// From which share of its volume a place has a gap or a bulge.
 const PLACE_SHARE: f64 = 0.25;
+
+/// What a scan's numbers are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Of rows, PLY and meshes.
+    pub mm_per_unit: f64,
+    /// Of a picture, which cannot be read without.
+    pub picture: Option<PictureScale>,
+}
+
+impl Scale {
+    /// Coordinates in mm, no picture.
+    pub const MM: Scale = Scale {
+        mm_per_unit: 1.0,
+        picture: None,
+    };
+}
+
+/// What a height map's pixels are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PictureScale {
+    /// Side of a pixel.
+    pub pixel_mm: f64,
+    /// Height of a grey level.
+    pub level_mm: f64,
+}
 
 /// Where a bead is far from what it should be.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -85,6 +113,8 @@ pub struct Measured {
     pub dropped: u64,
     /// How the scan lies on the job.
     pub registration: Registration,
+    /// How much the layer is too high over the bed.
+    pub height_error_mm: f64,
     /// Values with their errors.
     pub estimates: Vec<Estimate>,
     /// Keys of the machine file that change by them.
@@ -106,15 +136,26 @@ impl Measured {
 }
 
 /// Size of the cells in which points are averaged, mm: smaller than what an edge is found to.
-pub fn cell_mm(aperture: &crate::geometry::aperture::Aperture) -> f64 {
+fn cell_mm(aperture: &crate::geometry::aperture::Aperture) -> f64 {
     aperture.minor_mm() / 8.0
 }
 
-/// Measures a layer.
+/// Reads a scan and measures its layer.
 ///
 /// # Errors
 /// A `Refusal` that says what the scan lacks.
-pub fn measure(cloud: Cloud, layer: &Layer, settings: &Settings) -> Result<Measured, Refusal> {
+pub fn read(
+    mut scan: impl BufRead,
+    scale: &Scale,
+    layer: &Layer,
+    settings: &Settings,
+) -> Result<Measured, Refusal> {
+    let mut cloud = Cloud::new(cell_mm(&settings.aperture));
+    read::read(&mut scan, scale, &mut cloud)?;
+    measure(cloud, layer, settings)
+}
+
+fn measure(cloud: Cloud, layer: &Layer, settings: &Settings) -> Result<Measured, Refusal> {
     let (read, dropped) = (cloud.points, cloud.dropped);
     let (mut points, first_mm) = cloud.into_points()?;
     let asked = Ground::of(layer, &Nozzle::default())?;
@@ -161,6 +202,7 @@ pub fn measure(cloud: Cloud, layer: &Layer, settings: &Settings) -> Result<Measu
         points: read,
         dropped,
         registration,
+        height_error_mm: seen_mm - layer.top_mm(),
         flow_factors: estimates::flow_factors(layer, &sections, &volumes.asked_mm3, FLOWS),
         estimates,
         places: off_places(&stations, flow),

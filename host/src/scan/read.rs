@@ -1,9 +1,11 @@
-//! Bytes of a scan to its points: rows of numbers (CSV, XYZ) or PLY, read once from front to end.
+//! Bytes of a scan to its points: rows of numbers (CSV, XYZ), PLY or a height map, read once from front to end.
 //!
-//! In: a reader, mm per unit of the file. Out: points added to a [`Cloud`]. Of PLY: ASCII and binary of either byte order,
-//! vertices first, without lists in them. Not covered: height maps as pictures, meshes' faces (their vertices are the points).
+//! In: a reader, a [`Scale`]. Out: points added to a [`Cloud`]. Of PLY: ASCII and binary of either byte order, vertices first,
+//! without lists in them. Height maps: `height_map`. Not covered: meshes' faces (their vertices are the points).
 
+use super::Scale;
 use super::cloud::Cloud;
+use super::height_map;
 use crate::text::refusal::{Refusal, refusal};
 use std::io::{BufRead, Read};
 
@@ -12,12 +14,29 @@ const LINE_MAX: u64 = 4096;
 /// Most lines of a PLY's header.
 const HEADER_LINES_MAX: usize = 200;
 
-/// Reads all of it; PLY is known by its first bytes.
+/// Reads all of it; PNG, PLY and Klipper's meshes are known by how they begin.
 ///
 /// # Errors
 /// A `Refusal` with the line.
-pub fn read(input: &mut impl BufRead, mm_per_unit: f64, cloud: &mut Cloud) -> Result<(), Refusal> {
+pub fn read(input: &mut impl BufRead, scale: &Scale, cloud: &mut Cloud) -> Result<(), Refusal> {
+    let start = input.fill_buf();
+    let start = start.map_err(|error| refusal!("the scan cannot be read: {error}"))?;
+    match (start.starts_with(height_map::PNG), scale.picture) {
+        (true, Some(picture)) => return height_map::picture(input, picture, cloud),
+        (true, None) => {
+            return Err(refusal!(
+                "the scan is a picture: give the side of a pixel and the height of a grey level in mm (--pixel 0.02 --level 0.001)"
+            ));
+        }
+        (false, Some(_)) => {
+            return Err(refusal!(
+                "the scan is no PNG: leave out the side of a pixel and the height of a level (--pixel, --level)"
+            ));
+        }
+        (false, None) => {}
+    }
     let mut lines = Lines::of(input);
+    let mm_per_unit = scale.mm_per_unit;
     if !lines.next()? {
         return Ok(());
     }
@@ -27,10 +46,10 @@ pub fn read(input: &mut impl BufRead, mm_per_unit: f64, cloud: &mut Cloud) -> Re
     }
 }
 
-struct Lines<'a, R> {
+pub(super) struct Lines<'a, R> {
     input: &'a mut R,
-    text: Vec<u8>,
-    number: u64,
+    pub(super) text: Vec<u8>,
+    pub(super) number: u64,
 }
 
 impl<'a, R: BufRead> Lines<'a, R> {
@@ -43,7 +62,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
     }
 
     /// False at the end.
-    fn next(&mut self) -> Result<bool, Refusal> {
+    pub(super) fn next(&mut self) -> Result<bool, Refusal> {
         self.text.clear();
         self.number += 1;
         let limited = &mut self.input.by_ref().take(LINE_MAX);
@@ -58,7 +77,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         }
     }
 
-    fn fields(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn fields(&self) -> impl Iterator<Item = &str> {
         let text = str::from_utf8(&self.text).unwrap_or_default().trim();
         text.split([',', ';', '\t', ' '])
             .filter(|field| !field.is_empty())
@@ -94,9 +113,15 @@ fn rows(
     let is_number = |field: &str| field.parse::<f64>().is_ok();
     let is_comment = |line: &[u8]| line.trim_ascii().is_empty() || line.starts_with(b"#");
     while is_comment(&lines.text) {
+        if height_map::is_section(&lines.text) {
+            return height_map::klipper(lines, mm_per_unit, cloud);
+        }
         if !lines.next()? {
             return Ok(());
         }
+    }
+    if height_map::is_section(&lines.text) {
+        return height_map::klipper(lines, mm_per_unit, cloud);
     }
     let names: Vec<String> = lines.fields().map(|name| name.to_lowercase()).collect();
     let has_names = !names.iter().all(|name| is_number(name));
@@ -249,7 +274,7 @@ mod tests {
 
     fn points(bytes: &[u8]) -> Result<(Vec<[f32; 3]>, [f64; 3]), Refusal> {
         let mut cloud = Cloud::new(0.1);
-        read(&mut &bytes[..], 1.0, &mut cloud)?;
+        read(&mut &bytes[..], &Scale::MM, &mut cloud)?;
         cloud.into_points()
     }
 

@@ -8,7 +8,9 @@ use crate::cli::args::measure::MeasureArgs;
 use crate::cli::error::CliError;
 use crate::cli::reading::{job, load, machine_keys};
 use crate::cli::terminal::console::Console;
-use crate::scan::Measured;
+use crate::cli::terminal::result_kind::PICTURE;
+use crate::report::scan_picture::{self, ScannedPiece};
+use crate::scan::{Measured, MeasuredStation};
 use crate::text::short_number::Short;
 use std::fmt::Write;
 
@@ -23,15 +25,22 @@ pub(crate) fn run(args: &MeasureArgs, console: &Console) -> Result<(), CliError>
             args.job.display()
         )));
     }
+    let output = args.output.as_ref();
+    let output = output
+        .map(|output| output.file(PICTURE, console))
+        .transpose()?;
     let job = Job::from_bytes(load::read_file(&args.job)?);
     let job = job.map_err(|error| place(error.to_string()))?;
     let measured = job.measure(
         job::open(&args.scan)?,
-        args.units.mm(),
+        &args.scale(),
         args.layer.map(|layer| layer - 1),
     );
     let measured =
         measured.map_err(|error| CliError::Job(format!("{}: {error}", args.scan.display())))?;
+    if let Some(output) = &output {
+        output.write(drawn(&measured, &args.scan.display().to_string()).as_bytes())?;
+    }
     let keys = measured.changes.iter();
     let keys = keys.map(|change| (change.group, change.key, Short(change.new).to_string()));
     let keys: Vec<machine_keys::Key> = keys.collect();
@@ -52,6 +61,25 @@ pub(crate) fn run(args: &MeasureArgs, console: &Console) -> Result<(), CliError>
         );
     }
     console.result(&text)
+}
+
+/// The layer; edges that touch other beads are not seen, and lie where they were asked for.
+fn drawn(measured: &Measured, title: &str) -> String {
+    let piece = |station: &MeasuredStation| ScannedPiece {
+        at_mm: station.at_mm,
+        along: station.along,
+        length_mm: station.length_mm,
+        widths_mm: station
+            .edges_mm
+            .map(|off| 0.5 * station.width_mm + off.unwrap_or(0.0)),
+        off: match station.volume_mm3 {
+            [Some(asked), Some(found)] if asked > 0.0 => Some(found / asked - 1.0),
+            _ => None,
+        },
+    };
+    let pieces: Vec<ScannedPiece> = measured.stations.iter().map(piece).collect();
+    let places: Vec<[f64; 2]> = measured.places.iter().map(|place| place.at_mm).collect();
+    scan_picture::draw(title, &pieces, &places)
 }
 
 fn as_text(measured: &Measured) -> String {

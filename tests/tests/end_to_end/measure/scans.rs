@@ -1,7 +1,7 @@
 //! Goal: a scan tells what is wrong with a machine, and how well. Method: a layer of a machine that is wrong by known amounts,
 //! scanned by the independent model of `headway_tests::scanner`, against what the library finds.
 
-use headway::api::{self, Job, Machine, Options, Part, Reading};
+use headway::api::{self, Job, Machine, Options, Part, Reading, Scale};
 use headway_tests::scanner::{Scanner, Truth, csv, scan};
 
 fn job_of(part: &str) -> Job {
@@ -36,7 +36,7 @@ fn tells(part: &str) {
         ..as_file
     };
     let points = scanned(&job, &truth, &Scanner::default());
-    let found = job.measure(csv(&points).as_bytes(), 1.0, None);
+    let found = job.measure(csv(&points).as_bytes(), &Scale::MM, None);
     let found = found.expect("a scan of this job");
     println!("{part}: {:?}", found.registration);
     for estimate in &found.estimates {
@@ -94,7 +94,7 @@ fn other_scans_are_refused() {
         (csv(&mirrored), "mirrored"),
         (csv(&scanned(&other, &truth, &coarse)), "does not fit"),
     ] {
-        let refused = job.measure(text.as_bytes(), 1.0, None);
+        let refused = job.measure(text.as_bytes(), &Scale::MM, None);
         let refused = refused.expect_err("no scan of it").to_string();
         assert!(refused.contains(told), "{refused}");
     }
@@ -132,7 +132,7 @@ fn a_hundred_million_points_are_read() {
     let left = rows.len() as u64 * (100_000_000 / points.len() as u64 + 1);
     let rows = Repeated { rows, at: 0, left };
     let begun = std::time::Instant::now();
-    let found = job.measure(std::io::BufReader::new(rows), 1.0, None);
+    let found = job.measure(std::io::BufReader::new(rows), &Scale::MM, None);
     let seconds = begun.elapsed().as_secs_f64();
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let peak = status
