@@ -43,6 +43,11 @@ pub struct Reading {
     pub height_error_mm: Option<f64>,
     /// What share of its volume is too much.
     pub volume_error: Option<f64>,
+    /// Its scan, a file that is measured where lines are read.
+    pub scan: Option<String>,
+    /// Side of a pixel of a scan that is a picture, and the height of its grey levels.
+    pub pixel_mm: Option<f64>,
+    pub level_mm: Option<f64>,
     #[serde(flatten)]
     unknown: BTreeMap<String, IgnoredAny>,
 }

@@ -5,19 +5,26 @@
 //! stream's loop <--readings (64 at most, else it waits)----- reader <-- the program's stdout
 //! ```
 //! Both threads wait for the program, the loop for neither. Its stdin ends with the print, and the program shortly after.
+//! Scans of layers are measured by the reader, so a slow one delays the readings after it and nothing else.
 //! Not covered: what a reading does (`drive::flow_correction`).
 
 use super::{Run, give};
 use crate::cli::args::board::PortArgs;
 use crate::cli::board::operator::Operator;
 use crate::cli::error::CliError;
-use crate::cli::reading::job::Job;
+use crate::cli::reading::job::{Job, open};
 use crate::drive::flow_correction::{FlowCorrection, Reading};
+use crate::job::SegmentStream;
 use crate::job::resume::rest::printed_top_mm;
+use crate::job::transform::PartTransform;
+use crate::scan::layer::Layer;
+use crate::scan::{self, PictureScale, Scale};
+use crate::settings::Settings;
 use crate::settings::measure::Measure;
 use headway_protocol::message::Control;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::time::{Duration, Instant};
@@ -27,12 +34,14 @@ const LINE_BYTES_MAX: u64 = 4096;
 /// Lines that wait, either way.
 const LINES_MAX: usize = 64;
 
+/// A line of the program: a reading, what is wrong with a scan that it names, or neither.
+type Heard = Result<Reading, Option<String>>;
+
 /// A sensor's program.
 pub(super) struct Sensor {
     child: Child,
     status: SyncSender<String>,
-    /// Lines that are no readings are `None`.
-    heard: Receiver<Option<Reading>>,
+    heard: Receiver<Heard>,
     measure: Measure,
     layer_mm: f64,
     /// From the board's first status on.
@@ -63,7 +72,8 @@ impl Sensor {
         if let (Some(mut stdin), Some(stdout)) = (child.stdin.take(), child.stdout.take()) {
             let mut write = move |line: String| stdin.write_all(line.as_bytes());
             std::thread::spawn(move || lines.iter().try_for_each(&mut write));
-            std::thread::spawn(move || listen(stdout, &readings));
+            let scans = Scans::of(job);
+            std::thread::spawn(move || listen(stdout, &scans, &readings));
         }
         let (stream, layers) = (&job.stream, job.stream.layers());
         let top_mm = |layer| printed_top_mm(stream, stream.ticks_of_layer(layer)[1]).unwrap_or(0.0);
@@ -141,16 +151,24 @@ impl Run<'_> {
         let (measure, layer_mm) = (&sensor.measure, sensor.layer_mm);
         let new = || FlowCorrection::new(measure.clone(), layer_mm, layer, percent);
         let correction = sensor.correction.get_or_insert_with(new);
+        let mut refused = Vec::new();
         for _ in 0..LINES_MAX {
             match sensor.heard.try_recv() {
-                Ok(line) => correction.hear(line.as_ref()),
+                Ok(line) => {
+                    correction.hear(line.as_ref().ok());
+                    refused.extend(line.err().flatten());
+                }
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => correction.has_ended = true,
             }
         }
         let percent = correction.follow(now_s, layer, status);
-        for what in std::mem::take(&mut correction.news) {
-            self.tell(what.to_string());
+        let news = std::mem::take(&mut correction.news);
+        for what in refused
+            .into_iter()
+            .chain(news.into_iter().map(String::from))
+        {
+            self.tell(what);
         }
         let is_free = self.pump.is_open() && !self.sender.has_command();
         if let Some(percent) = percent.filter(|_| is_free) {
@@ -159,8 +177,55 @@ impl Run<'_> {
     }
 }
 
-/// Lines of the program, until it has no more or nobody listens.
-fn listen(stdout: impl Read, heard: &SyncSender<Option<Reading>>) {
+/// What measures scans of the job's layers.
+struct Scans {
+    stream: SegmentStream,
+    servo_hz: f64,
+    transform: PartTransform,
+    settings: Settings,
+}
+
+impl Scans {
+    fn of(job: &Job) -> Scans {
+        Scans {
+            stream: job.stream.clone(),
+            servo_hz: f64::from(job.file.header.machine.servo_hz),
+            transform: job.transform,
+            settings: job.settings.clone().unwrap_or_default(),
+        }
+    }
+
+    /// A reading that names a scan has the scan's height error. Its volume tells nothing here: the layers below are as high
+    /// as they came out.
+    fn measured(&self, mut reading: Reading) -> Result<Reading, String> {
+        let (Some(path), Some(number)) = (reading.scan.take(), reading.layer) else {
+            return Ok(reading);
+        };
+        let picture = reading.pixel_mm.zip(reading.level_mm);
+        let scale = Scale {
+            picture: picture.map(|(pixel_mm, level_mm)| PictureScale { pixel_mm, level_mm }),
+            ..Scale::MM
+        };
+        let layer = Layer::of(
+            &self.stream,
+            self.servo_hz,
+            &self.transform,
+            &self.settings.aperture,
+            number,
+        );
+        let place = |problem: String| format!("the scan of layer {number}, {path}: {problem}");
+        let layer = layer.map_err(|error| place(error.to_string()))?;
+        let scan = open(Path::new(&path)).map_err(|error| error.to_string())?;
+        let measured = scan::read(scan, &scale, &layer, &self.settings);
+        let measured = measured.map_err(|error| place(error.to_string()))?;
+        reading.height_error_mm = Some(measured.height_error_mm);
+        Ok(reading)
+    }
+}
+
+/// Lines of the program, until it has no more or nobody listens. Of scans that are refused in a row the first is told.
+fn listen(stdout: impl Read, scans: &Scans, heard: &SyncSender<Heard>) {
+    let mut was_refused = false;
     let mut stdout = BufReader::new(stdout);
     let (mut line, mut is_within) = (Vec::new(), false);
     while let Ok(1..) = (&mut stdout)
@@ -172,7 +237,18 @@ fn listen(stdout: impl Read, heard: &SyncSender<Option<Reading>>) {
         let reading = (is_whole && !is_within).then(|| serde_json::from_slice(&line).ok());
         is_within = !is_whole;
         line.clear();
-        if heard.send(reading.flatten()).is_err() {
+        let line = match reading
+            .flatten()
+            .map(|reading: Reading| scans.measured(reading))
+        {
+            Some(Ok(reading)) => {
+                was_refused = false;
+                Ok(reading)
+            }
+            Some(Err(told)) => Err((!std::mem::replace(&mut was_refused, true)).then_some(told)),
+            None => Err(None),
+        };
+        if heard.send(line).is_err() {
             return;
         }
     }

@@ -6,8 +6,10 @@
 use crate::rig::board::{Board, Host};
 use crate::rig::{folder, headway, object, path, stderr, succeeded};
 use headway::drive::link_log::{Entry, Way, read_log};
+use headway::settings::Settings;
 use headway_protocol::frame::FrameDecoder;
 use headway_protocol::message::{Control, HostMessage};
+use headway_tests::scanner::{Scanner, Truth, csv, scan};
 use serde_json::Value;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -317,6 +319,90 @@ fn what_cannot_be_started_or_kept_to_is_refused_before_anything_moves() {
             stderr(&refused)
         );
     }
+}
+
+/// Scans are files, measured beside the print: one that is a tenth too high lowers the flow, ones that are none are counted
+/// and the first of them is told.
+#[test]
+fn scans_are_measured_beside_the_print() {
+    let folder = folder("scans");
+    let machine = folder.join("machine.toml");
+    let text = succeeded(&headway(&["machine", "new"]));
+    let keys =
+        "\n[measure]\ncontroller = \"layer\"\nheight_noise_mm = 0.002\nflow_change_per_s = 0.5\n";
+    std::fs::write(&machine, text + keys).unwrap();
+    let job = folder.join("part.hwj").display().to_string();
+    let (machine, log) = (path(&machine), folder.join("print.log"));
+    let outline = folder.join("part.json");
+    // Small, since it is measured while it prints, on a busy machine.
+    let corners = "[0, 0], [12, 0], [12, 4], [5, 4], [5, 10], [0, 10]";
+    std::fs::write(
+        &outline,
+        format!(r#"{{"units": "mm", "exterior": [{corners}]}}"#),
+    )
+    .unwrap();
+    succeeded(&headway(&[
+        "plan",
+        path(&outline),
+        "-m",
+        machine,
+        "--layers",
+        "8",
+        "--speed",
+        "10",
+        "-o",
+        &job,
+    ]));
+    let file = headway::job::file::read(&mut std::fs::File::open(&job).unwrap()).unwrap();
+    let as_asked = Truth::of(&Settings::default());
+    let truth = Truth {
+        flow: 1.1,
+        ..as_asked
+    };
+    let offset_mm = file.header.transform.offset_mm;
+    let points = scan(
+        &file.stream().unwrap(),
+        offset_mm,
+        0,
+        &truth,
+        &Scanner::default(),
+    );
+    let layer = folder.join("l0.csv");
+    std::fs::write(&layer, csv(&points)).unwrap();
+    let program = folder.join("sensor.sh");
+    let script = format!(
+        "while read -r line; do case \"$line\" in *'\"layer\":1,'*) if [ -z \"$said\" ]; then said=1\n\
+         for scan in /no/such/scan.csv {machine} '{}'; do\n\
+         echo \"{{\\\"layer\\\":0,\\\"scan\\\":\\\"$scan\\\"}}\"; done; fi;; esac; done",
+        path(&layer)
+    );
+    std::fs::write(&program, script).unwrap();
+    let board = Board::unix(&folder, 2.0);
+    let host = Host::start(&[
+        "stream",
+        &job,
+        "--port",
+        &board.port,
+        "--sensor",
+        &format!("sh \"{}\"", path(&program)),
+        "--log",
+        path(&log),
+        "--json",
+    ]);
+    let (well, figures, said) = host.end();
+    assert!(well, "{said}");
+    board.end();
+    assert_eq!(figures["sensor"]["readings"], 1, "{figures}");
+    assert_eq!(figures["sensor"]["bad_lines"], 2, "{figures}");
+    assert_eq!(said.matches("there is no such file").count(), 1, "{said}");
+    assert!(!said.contains("machine.toml"), "{said}");
+    // A tenth too much, of which each layer takes a third away: the first one most.
+    let overrides = overrides(path(&log));
+    let least = overrides.iter().map(|(_, percent)| *percent).min();
+    assert!(
+        least.is_some_and(|least| (88..98).contains(&least)),
+        "{overrides:?}, {figures}"
+    );
 }
 
 /// The operator's own override multiplies the correction; both are the terminal's to see.
