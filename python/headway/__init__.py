@@ -266,14 +266,18 @@ class Job:
         webbrowser.open(pathlib.Path(path).as_uri())
         return path
 
-    def simulate(self, link: str = "", seed: int = 1) -> dict[str, Any]:
+    def simulate(
+        self, link: str = "", seed: int = 1, material: Optional[PathLike] = None
+    ) -> dict[str, Any]:
         """Streams it over a simulated line to the firmware library; figures of plan and run.
 
         ``link`` are faults of the line as in ``headway simulate --link``, ``seed`` fixes every random
-        choice. A fault of the controller, or steps that do not come to the plan's end, raise
+        choice. ``material`` is a file as ``headway simulate --material`` takes it: figures of what is laid
+        come with it. A fault of the controller, or steps that do not come to the plan's end, raise
         :class:`JobError`.
         """
-        text, problem = self._native.simulate(link, seed)
+        model = None if material is None else _read(material).decode()
+        text, problem = self._native.simulate(link, seed, model)
         if problem is not None:
             raise JobError(problem)
         figures: dict[str, Any] = json.loads(text)

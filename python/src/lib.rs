@@ -277,9 +277,13 @@ impl Job {
         py: Python<'_>,
         link: &str,
         seed: u64,
+        material: Option<&str>,
     ) -> PyResult<(String, Option<String>)> {
         let simulation = py
-            .detach(|| self.0.simulate(link, seed))
+            .detach(|| match material {
+                Some(material) => self.0.simulate_material(link, seed, material),
+                None => self.0.simulate(link, seed),
+            })
             .map_err(exception)?;
         let problem = simulation.check().err().map(|error| error.to_string());
         Ok((simulation.figures_json(), problem))

@@ -640,6 +640,17 @@ def test_a_simulated_run(job):
         job.simulate(link="drop=often")
 
 
+def test_a_material_is_laid(tmp_path, job):
+    material = tmp_path / "a.toml"
+    material.write_text("format = 1\n[extruder]\nflow_loss = [[1, 0.2], [100, 0.2]]\n")
+    assert "laid_mm3" not in job.simulate()
+    laid = job.simulate(material=material)
+    assert laid["laid_mm3"] == pytest.approx(0.8 * laid["volume_mm3"], rel=0.02)
+    material.write_text("format = 1\n[extruder]\nlag_s = 40\n")
+    with pytest.raises(headway.JobError, match="extruder.lag_s"):
+        job.simulate(material=material)
+
+
 def test_progress_is_told(frame, job):
     told = []
     thread = threading.get_ident()

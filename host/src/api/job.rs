@@ -6,6 +6,7 @@
 use super::joints::{JobJoint, JobJoints};
 use super::{Error, JobPose};
 use crate::drive::dry_run::dry_run;
+use crate::drive::laid_beads::laid_beads;
 use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
 use crate::gcode::write::dialect::Dialect;
@@ -16,6 +17,7 @@ use crate::job::file::{self, JobFile};
 use crate::joint_export::samples;
 use crate::joint_export::tables::JointTable;
 use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_trajectory};
+use crate::pipeline::findings::laid::laid_figures;
 use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::findings::simulated::{outcome, simulation_figures};
 use crate::pipeline::page::page_of;
@@ -27,6 +29,7 @@ use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
 use crate::scan::layer::Layer;
 use crate::scan::{self, Measured, Scale};
+use crate::settings::extruder_model::ExtruderModel;
 use crate::settings::{Settings, machine_file};
 use crate::text::refusal::Refusal;
 use std::io::{BufRead, Cursor, Write};
@@ -311,6 +314,30 @@ impl Job {
     /// [`Error::Job`] if the link's text is invalid; a fault during the simulation is in the
     /// result.
     pub fn simulate(&self, link: &str, seed: u64) -> Result<Simulation, Error> {
+        self.run(link, seed, None)
+    }
+
+    /// As [`Job::simulate`], with what a material lays of it: the text of a file of `headway simulate --material`.
+    ///
+    /// # Errors
+    /// As for [`Job::simulate`], and for an invalid text.
+    pub fn simulate_material(
+        &self,
+        link: &str,
+        seed: u64,
+        material: &str,
+    ) -> Result<Simulation, Error> {
+        let model = ExtruderModel::from_toml(material);
+        let model = model.map_err(|error| Error::Job(format!("the material: {error}")))?;
+        self.run(link, seed, Some(&model))
+    }
+
+    fn run(
+        &self,
+        link: &str,
+        seed: u64,
+        model: Option<&ExtruderModel>,
+    ) -> Result<Simulation, Error> {
         let job_error = |error: String| Error::Job(error);
         let link = match link {
             "" => LinkSpec::default(),
@@ -327,7 +354,12 @@ impl Job {
         let run = run.map_err(|error| job_error(error.to_string()))?;
         let transform = &self.file.header.transform;
         let figures = simulation_figures(&run, &self.stream, transform, &self.settings);
-        let figures = self.figures.clone().merged_with(&figures);
+        let mut figures = self.figures.clone().merged_with(&figures);
+        if let Some(model) = model {
+            let motion = &run.simulation.motion;
+            let beads = laid_beads(&self.stream, &self.settings, motion, model, transform);
+            figures = figures.merged_with(&laid_figures(&beads));
+        }
         Ok(Simulation {
             figures: with_verdict(figures, &self.file, &self.settings),
             outcome: outcome(&run),

@@ -6,6 +6,7 @@
 //! volume at the controller's true segment time. While it is stopped other than at a planned rest
 //! the state is `hold`. `--trace-steps`: one row per step.
 
+use crate::drive::laid_beads::LaidBeads;
 use crate::drive::record::MotionRecord;
 use crate::drive::servo_walk::ServoWalk;
 use crate::drive::trace::pose_of_counts;
@@ -31,7 +32,8 @@ struct Sample {
     mark: Option<Mark>,
 }
 
-/// Writes the pose table. `every_ms` is rounded to whole servo ticks, at least one.
+/// Writes the pose table. `every_ms` is rounded to whole servo ticks, at least one; with `laid` it has what leaves the
+/// nozzle, mm³/s, as its last column.
 ///
 /// # Errors
 /// Those of the writer.
@@ -42,10 +44,12 @@ pub fn write_poses(
     record: &MotionRecord,
     transform: &PartTransform,
     every_ms: f64,
+    laid: Option<&LaidBeads>,
 ) -> io::Result<()> {
+    let more = if laid.is_some() { ",laid_mm3_s" } else { "" };
     writeln!(
         out,
-        "t_s,layer,pass,x_mm,y_mm,z_mm,nx,ny,nz,heading_rad,speed_mm_s,flow_mm3_s,state"
+        "t_s,layer,pass,x_mm,y_mm,z_mm,nx,ny,nz,heading_rad,speed_mm_s,flow_mm3_s,state{more}"
     )?;
     let servo_hz = f64::from(machine.servo_hz);
     let every_ticks = (every_ms * 1e-3 * servo_hz).round().max(1.0) as i64;
@@ -69,6 +73,12 @@ pub fn write_poses(
             let way = last - window[0].pose.tip_mm;
             let ticks = (sample.tick - window[0].tick).max(1) as f64;
             write_row(out, &middle, way, ticks / servo_hz, servo_hz, transform)?;
+            if let Some(laid) = laid {
+                let flow = usize::try_from(middle.tick).ok();
+                let flow = flow.and_then(|tick| laid.flow_mm3_s.get(tick));
+                write!(out, ",{:.5}", flow.copied().unwrap_or_default())?;
+            }
+            writeln!(out)?;
         }
     }
     Ok(())
@@ -87,7 +97,7 @@ fn write_row(
     let axis = sample.pose.tool_axis();
     let layer = sample.mark.map_or(0, |mark| mark.layer);
     let pass = sample.mark.and_then(|mark| mark.pass).map_or(-1, i64::from);
-    writeln!(
+    write!(
         out,
         "{:.6},{layer},{pass},{x:.5},{y:.5},{z:.5},{:.7},{:.7},{:.7},{:.6},{:.4},{:.5},{}",
         sample.tick as f64 / servo_hz,
@@ -191,7 +201,10 @@ mod tests {
             offset_mm: [100.0, 120.0, 0.0],
         };
         let mut poses = Vec::new();
-        write_poses(&mut poses, &stream, &machine, &record, &transform, 1.0).unwrap();
+        write_poses(
+            &mut poses, &stream, &machine, &record, &transform, 1.0, None,
+        )
+        .unwrap();
         let text = String::from_utf8(poses).unwrap();
         let rows: Vec<Vec<&str>> = text
             .lines()

@@ -14,6 +14,7 @@ use super::gcode::GcodePlan;
 use super::layer_uses::pass_uses;
 use super::mesh::PartPlan;
 use super::pass_facts::{FilePasses, PassFacts};
+use crate::drive::laid_beads::LaidBeads;
 use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::Region;
 use crate::input::Target;
@@ -62,6 +63,8 @@ pub struct Planned {
     pub plan: Option<Box<Plan>>,
     /// Unreachable boundary, input coordinates.
     pub unreachable: Vec<UnreachableRun>,
+    /// Its beads as a known material lays them, once it is simulated with one.
+    pub laid: Option<LaidBeads>,
     /// Ground and boundary that is not printed, the largest of each first; of a job from a file what its figures list.
     pub left_out: Vec<Place>,
 }

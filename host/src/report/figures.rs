@@ -6,7 +6,9 @@
 pub use super::corner_figures::CornerFigures;
 pub use super::curved_layer_figures::CurvedLayerFigures;
 use super::figure_rows::{GROUPS, Row, number, row, slowest_place, time_shares};
-pub use super::layer_figures::{Inside, KindFigures, LayerFigures, LayerPlace, UseFigures};
+pub use super::layer_figures::{
+    Inside, KindFigures, LaidLayerFigures, LayerFigures, LayerPlace, UseFigures,
+};
 pub use super::verdict_figures::{AgainstFigures, UnevenFigures, VerdictFigures};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -220,6 +222,22 @@ figures! {
     holds: u64 => 513 "holds", u64::to_string;
     /// Faults latched.
     faults: u64 => 514 "faults", u64::to_string;
+    /// What arrives on the passes, of a known material.
+    laid_mm3: f64 => 517 "volume that arrives", number(2, "mm³");
+    /// The same against what was asked for.
+    laid_error_pct: f64 => 518 "volume that arrives, off by", number(2, "%");
+    /// What leaves the nozzle off the passes.
+    laid_off_passes_mm3: f64 => 519 "leaves off the passes", number(2, "mm³");
+    /// Error of the beads' cross-sections without its sign, mean by length, starts and stops of passes left out.
+    bead_area_error_pct_mean: f64 => 520 "bead area off by, mean", number(2, "%");
+    /// The largest of them.
+    bead_area_error_pct_max: f64 => 521 "bead area off by, worst", number(2, "%");
+    /// The same within a nozzle's length of starts and stops.
+    bead_area_error_ends_pct_max: f64 => 522 "the same at starts and stops", number(2, "%");
+    /// The worst place, starts and stops left out, per cent with its sign.
+    bead_area_worst: UnevenFigures;
+    /// What arrives by layer, at most a thousand.
+    laid_by_layer: Vec<LaidLayerFigures>;
     /// Seconds of motion for each second of simulation.
     realtime_factor: f64 => 515 "motion / simulation time", number(1, "x");
 }

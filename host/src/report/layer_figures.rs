@@ -35,6 +35,18 @@ pub struct LayerPlace {
     pub area_mm2: f64,
 }
 
+/// What arrives of a layer's passes, of a known material.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LaidLayerFigures {
+    /// From 0.
+    pub layer: u32,
+    /// As planned.
+    pub asked_mm3: f64,
+    /// As laid.
+    pub laid_mm3: f64,
+}
+
 /// Figures of the layers of one group; only for jobs with several layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]

@@ -12,6 +12,8 @@ pub struct LayerMotion {
     pub track: Track,
     /// Places and headings.
     pub path: LayerPath,
+    /// What is laid of what was asked for, at the track's times; empty where no material is known.
+    pub laid: Vec<f32>,
 }
 
 /// A layer without pictures of its own.

@@ -314,6 +314,7 @@ fn the_page_holds_the_motion() {
         points_max: 1000,
     };
     let motion = LayerMotion {
+        laid: Vec::new(),
         track: track::track(of, |_, _| Some(2)),
         path: layer_path::layer_path(of_path, |mark, _| {
             (layer_path::What::of(mark.state, layer_path::What::Wall), 7)

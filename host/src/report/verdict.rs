@@ -28,6 +28,7 @@ pub fn verdict(figures: &Figures, more: &[String], is_cold: bool) -> VerdictFigu
         time(figures),
         material(figures, is_cold),
         steps(figures),
+        laid(figures),
         limit(figures),
         joined([open(figures), left_out(figures)]),
     ];
@@ -180,6 +181,20 @@ fn steps(figures: &Figures) -> Option<String> {
     let tip_um = figures.tip_error_um_max?;
     Some(format!(
         "The simulated steps stay within {tip_um:.1} µm of the plan."
+    ))
+}
+
+/// What a known material lays.
+fn laid(figures: &Figures) -> Option<String> {
+    let arrives = 100.0 + figures.laid_error_pct?;
+    let mean = figures.bead_area_error_pct_mean.unwrap_or_default();
+    let worst = figures.bead_area_worst.as_ref().map(|found| {
+        let (worst, x, y, layer) = (found.worst, found.x_mm, found.y_mm, found.layer + 1);
+        format!("; beads are off by {mean:.1} % in the mean, at worst {worst:+.1} % near ({x:.1}, {y:.1}) on layer {layer}")
+    });
+    Some(format!(
+        "Of the material {arrives:.1} % arrives{}.",
+        worst.unwrap_or_default()
     ))
 }
 

@@ -26,11 +26,11 @@ pub struct AgainstFigures {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct UnevenFigures {
-    /// `spin`, `thin`, `swollen` or `slow`.
+    /// `spin`, `thin`, `swollen`, `slow` or, of a known material, `area`.
     pub what: String,
     /// How many pieces of beads, each as long as the narrowest bead is wide.
     pub places: u64,
-    /// Degrees of the nozzle beyond the turn of the path; of the others a ratio to the bead before and behind.
+    /// Degrees beyond the turn of the path, per cent of an area, of the others a ratio to the bead before and behind.
     pub worst: f64,
     /// Where the worst is.
     pub x_mm: f64,

@@ -10,7 +10,7 @@ use super::{AXIS_TOLERANCE_MAX_DEG, Settings, TILT_MAX_ASKED_DEG, kinds, wide_be
 use crate::text::refusal::{Refusal, refusal};
 use crate::text::short_number::Short;
 use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
-use headway_firmware::configuration::flow_curves::CurvePoints;
+use headway_firmware::configuration::flow_curves::{CurvePoints, FlowCurves};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use std::f64::consts::TAU;
@@ -201,7 +201,7 @@ impl Settings {
     fn check_extruder(&self) -> Result<(), Refusal> {
         let e = &self.machine.extruder;
         ExtruderKeys::check(&self.machine)?;
-        self.check_flow_curves()?;
+        check_flow_curves(&self.machine.curves)?;
         rises(
             [
                 "extruder.acceleration_max_mm3_s2",
@@ -209,26 +209,6 @@ impl Settings {
             ],
             [e.acceleration_max_mm3_s2, e.speed_max_mm3_s],
         )
-    }
-
-    fn check_flow_curves(&self) -> Result<(), Refusal> {
-        let curves = &self.machine.curves;
-        let [loss, advance] = curves.wrong();
-        let wrong = |key: &str, points: &CurvePoints, at: usize, must: &str| {
-            let [flow, value] = points.get(at).copied().unwrap_or_default();
-            refusal!(
-                "extruder.{key}: point {}, [{flow}, {value}]: {must}",
-                at + 1
-            )
-        };
-        if let Some(at) = loss {
-            let must = "flows must rise from above 0, shares lie from -0.5 to 0.9, and of more flow more must arrive";
-            return Err(wrong("flow_loss", &curves.loss, at, must));
-        }
-        advance.map_or(Ok(()), |at| {
-            let must = "flows must rise from above 0, and seconds lie from 0 to 5";
-            Err(wrong("advance", &curves.advance, at, must))
-        })
     }
 
     fn check_step_rates(&self) -> Result<(), Refusal> {
@@ -484,6 +464,26 @@ fn rises(keys: [&str; 2], [change, reached]: [f64; 2]) -> Result<(), Refusal> {
         "{key} is so low that it takes {rise_s:.0} s to reach {of}, more than {RISE_MAX_S} s: raise \
          the one or lower the other"
     ))
+}
+
+/// The points of the extruder's curves, in a machine file and in a material's.
+pub(super) fn check_flow_curves(curves: &FlowCurves) -> Result<(), Refusal> {
+    let [loss, advance] = curves.wrong();
+    let wrong = |key: &str, points: &CurvePoints, at: usize, must: &str| {
+        let [flow, value] = points.get(at).copied().unwrap_or_default();
+        refusal!(
+            "extruder.{key}: point {}, [{flow}, {value}]: {must}",
+            at + 1
+        )
+    };
+    if let Some(at) = loss {
+        let must = "flows must rise from above 0, shares lie from -0.5 to 0.9, and of more flow more must arrive";
+        return Err(wrong("flow_loss", &curves.loss, at, must));
+    }
+    advance.map_or(Ok(()), |at| {
+        let must = "flows must rise from above 0, and seconds lie from 0 to 5";
+        Err(wrong("advance", &curves.advance, at, must))
+    })
 }
 
 pub(super) fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(), Refusal> {

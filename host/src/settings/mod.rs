@@ -13,6 +13,7 @@ pub mod curved_layers;
 mod defaults;
 pub mod drivers;
 pub mod examples;
+pub mod extruder_model;
 mod groups;
 pub mod head_shape;
 mod heading_joint;

@@ -361,7 +361,8 @@ pub(crate) struct HeadingsArgs {
 Examples:
   headway simulate examples/u-part.json --report report
   headway simulate part.hwj --trace poses.csv --trace-steps steps.csv
-  headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json")]
+  headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json
+  headway simulate part.hwj --material examples/materials/hot-end.toml --report report")]
 pub(crate) struct SimulateArgs {
     /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, G-code, or a job file (.hwj); none with
     /// only --surface.
@@ -386,6 +387,9 @@ pub(crate) struct SimulateArgs {
     /// pull=LENGTH@START, baud.
     #[arg(long, value_name = "FAULTS")]
     pub link: Option<String>,
+    /// A known extruder with its material (TOML): what arrives is laid, told and drawn.
+    #[arg(long, value_name = "FILE.toml", value_hint = ValueHint::FilePath)]
+    pub material: Option<PathBuf>,
     /// Fixes every random choice of the simulated line.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

@@ -5,20 +5,24 @@ use crate::cli::args::{PartArgs, SimulateArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::planned;
 use crate::cli::plan::verdict;
-use crate::cli::reading::job;
+use crate::cli::reading::{job, load};
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::{OutputFile, ReportFolder};
 use crate::cli::terminal::result_kind::TABLE;
 use crate::drive::dry_run::{DryRun, dry_run};
+use crate::drive::laid_beads::laid_beads;
 use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
 use crate::drive::trace_table;
 use crate::job::heat::{self, job_events};
+use crate::pipeline::findings::laid::laid_figures;
 use crate::pipeline::findings::objections::Objection;
 use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::findings::simulated::{outcome, simulation_figures};
 use crate::pipeline::page::pictures;
 use crate::pipeline::planned::Planned;
+use crate::settings::extruder_model::ExtruderModel;
+use std::path::Path;
 
 /// Time between two rows of `--trace`.
 const TRACE_EVERY_MS: f64 = 1.0;
@@ -34,6 +38,7 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
             .map_err(|error| CliError::Usage(format!("--{error}")))?,
         None => LinkSpec::default(),
     };
+    let material = args.material.as_deref().map(material).transpose()?;
     let table = |path: &Option<OutputPath>| path.as_ref().map(|path| path.file(TABLE, console));
     let poses = table(&args.trace).transpose()?;
     let steps = table(&args.trace_steps).transpose()?;
@@ -62,6 +67,9 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         &planned.settings,
     );
     planned.figures = std::mem::take(&mut planned.figures).merged_with(&simulated);
+    if let Some(model) = &material {
+        lay(&mut planned, &dry_run, model);
+    }
     if let Err(fault) = outcome(&dry_run) {
         let fault = Objection::of_run(&fault);
         planned.objections.insert(0, fault);
@@ -83,6 +91,23 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         console.result(&text)?;
     }
     verdict::check(&planned.objections, &args.allow, "the job is not good")
+}
+
+fn material(path: &Path) -> Result<ExtruderModel, CliError> {
+    ExtruderModel::from_toml(&load::read_text(path)?)
+        .map_err(|refused| CliError::Job(format!("{}: {refused}", path.display())))
+}
+
+fn lay(planned: &mut Planned, dry_run: &DryRun, model: &ExtruderModel) {
+    let beads = laid_beads(
+        &planned.stream,
+        &planned.settings,
+        &dry_run.simulation.motion,
+        model,
+        &planned.transform,
+    );
+    planned.figures = std::mem::take(&mut planned.figures).merged_with(&laid_figures(&beads));
+    planned.laid = Some(beads);
 }
 
 /// The job as it is read, or planned.
@@ -136,6 +161,7 @@ fn write_traces(
                 record,
                 &planned.transform,
                 TRACE_EVERY_MS,
+                planned.laid.as_ref(),
             )
         })?;
     }

@@ -7,6 +7,7 @@
 
 pub mod gcode;
 pub(crate) mod idle_options;
+pub mod laid;
 pub mod left_out;
 pub mod objections;
 pub(crate) mod part;

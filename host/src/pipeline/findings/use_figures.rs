@@ -8,7 +8,7 @@ use crate::settings::Settings;
 use std::collections::BTreeMap;
 
 /// Layers that the figures list.
-const LAYERS_LISTED: usize = 1000;
+pub(super) const LAYERS_LISTED: usize = 1000;
 
 /// The figures of a job's uses; `place_mm` is where a layer ends, and its height.
 pub(crate) fn use_figures(

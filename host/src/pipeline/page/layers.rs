@@ -55,8 +55,16 @@ impl<'a> LayerMotions<'a> {
             ticks,
             points_max: (POINTS_MAX[usize::from(tilts)] as f64 * share) as usize,
         };
+        let track = track(of, |span, t_ticks| limit_at(span, t_ticks, settings));
+        let every_ticks = track.every_s * f64::from(settings.machine.servo_hz);
+        let tick_of = |sample: usize| ticks[0] + (sample as f64 * every_ticks) as u64;
+        let laid = self.planned.laid.iter().flat_map(|laid| {
+            let samples = 0..track.limit.len();
+            samples.map(move |sample| laid.share_at(tick_of(sample)))
+        });
         LayerMotion {
-            track: track(of, |span, t_ticks| limit_at(span, t_ticks, settings)),
+            laid: laid.collect(),
+            track,
             path: layer_path(of_path, self.planned.pass_facts.follow()),
         }
     }

@@ -73,6 +73,9 @@ struct Layer<'a> {
     joints_at: Vec<Column>,
     joints_every: usize,
     limit: String,
+    /// What is laid of what was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    laid: Option<Column>,
     #[serde(skip_serializing_if = "Option::is_none")]
     outline: Option<usize>,
     ground: Vec<Ground>,
@@ -212,6 +215,7 @@ fn layer<'a>(
         joints_at: track.joints_at.iter().map(|at| Column::of(at)).collect(),
         joints_every: track.joints_every,
         limit: STANDARD.encode(&track.limit),
+        laid: (!motion.laid.is_empty()).then(|| Column::of(&motion.laid)),
         outline,
         ground: Vec::new(),
     }

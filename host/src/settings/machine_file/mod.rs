@@ -40,7 +40,7 @@ mod motors;
 mod probe_tests;
 mod shaper;
 mod switches;
-mod toml_words;
+pub(super) mod toml_words;
 mod wiring;
 mod write;
 use axes::FileKinematics;

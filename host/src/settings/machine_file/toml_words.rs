@@ -9,7 +9,7 @@ use crate::text::near_name::near_name;
 const LINE_SHOWN_CHARS_MAX: usize = 200;
 
 /// What is wrong, with the line; without it where that is no line to read.
-pub(super) fn toml_problem(text: &str, error: &toml::de::Error) -> String {
+pub(in crate::settings) fn toml_problem(text: &str, error: &toml::de::Error) -> String {
     let begins = error.span().map_or(0, |span| span.start);
     let before = text.get(..begins).unwrap_or_default();
     let number = before.matches('\n').count() + 1;

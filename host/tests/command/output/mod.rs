@@ -6,6 +6,7 @@ mod guide;
 mod jobs;
 mod joints;
 mod kept_files;
+mod material;
 mod mistakes;
 mod outputs;
 mod shell;

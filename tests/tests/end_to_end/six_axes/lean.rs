@@ -103,6 +103,7 @@ fn poses_of_steps(plan: &Plan, settings: &Settings) -> Vec<(Vector3<f64>, Vector
         &done.simulation.motion,
         &plan.transform,
         4.0,
+        None,
     )
     .unwrap();
     let text = String::from_utf8(csv).unwrap();

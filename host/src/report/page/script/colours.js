@@ -15,6 +15,7 @@ const Colours = (() => {
     width: { name: "bead width", unit: "mm" },
     heading: { name: "heading", unit: "°", turn: data.period_deg },
     flow: { name: "flow", unit: "mm³/s" },
+    ...(data.layers[0]?.laid ? { laid: { name: "bead area, off by", unit: "%", most: 0.98 } } : {}),
     cost: { name: "time for each mm²", unit: "s", most: 0.98 },
     order: { name: "order", unit: "s" },
     limit: { name: "what limits it", inks: NAMED },
@@ -40,7 +41,7 @@ const Colours = (() => {
       let way = [p.x[k + 1] - p.x[k], p.y[k + 1] - p.y[k], p.z[k + 1] - p.z[k]];
       if (p.axis) way = Job.upright(way, p.axis.map((column) => column[k]));
       const long = Math.hypot(way[0], way[1]);
-      l.width[k] = long > 0.005 ? Sweep.extent((p.heading[k] + p.heading[k + 1]) / 2, -way[1] / long, way[0] / long) : k ? l.width[k - 1] : 0;
+      l.width[k] = long > 0.005 ? Sweep.extent((p.heading[k] + p.heading[k + 1]) / 2, -way[1] / long, way[0] / long) * (p.wide ? p.wide[k] : 1) : k ? l.width[k - 1] : 0;
     }
     return l.width;
   }
@@ -62,6 +63,7 @@ const Colours = (() => {
       const way = () => Math.hypot(p.x[k + 1] - p.x[k], p.y[k + 1] - p.y[k], p.z[k + 1] - p.z[k]);
       out[k] = key === "what" ? p.what[k] : key === "limit" ? ink[l.limit[sample]] : key === "speed" ? (long > 0 ? way() / long : 0)
         : key === "width" ? width[k] : key === "heading" ? (p.heading[k] + p.heading[k + 1]) * 90 / Math.PI : key === "flow" ? l.flow[sample]
+        : key === "laid" ? 100 * (p.wide[k] - 1)
         : key === "cost" ? long / Math.max(way() * width[k], 0.05 * long) : key === "order" ? p.t[k] : key === "layer" ? data.layers[l.page].seconds
         : heatAt(modes[key].heat, p.t[k]);
     }

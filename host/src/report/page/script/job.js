@@ -54,6 +54,7 @@ const Job = (() => {
     l.jointsAt = source.joints_at.map(values); l.jointsEvery = source.joints_every;
     l.limit = bytes(source.limit);
     l.count = l.limit.length;
+    if (source.laid) { l.laid = values(source.laid); l.path = asLaid(l); }
     l.rings = source.outline === undefined ? [] : outline(source.outline);
     l.seconds = (l.count - 1) * l.every;
     // At even times, for the plots.
@@ -65,6 +66,30 @@ const Job = (() => {
       l.what[i] = l.path.what[k] === NONE ? data.whats.length - 1 : l.path.what[k];
     }
     return l;
+  }
+  // Where a known material lays another share than was asked for: the path with a point wherever that share changes,
+  // and what of the bead's width each segment has.
+  function asLaid(l) {
+    const p = l.path, names = ["t", "x", "y", "z", "heading"], out = { line: [], what: [], wide: [] }, kept = (p.axis || []).map(() => []);
+    for (const name of names) out[name] = [];
+    const sample = (t) => l.laid[Math.min(Math.max(Math.floor((t - l.start) / l.every), 0), l.count - 1)];
+    const push = (k, t, wide) => {
+      for (const name of names) out[name].push(name === "t" ? t : t > p.t[k] ? between(p, name, k, t) : p[name][k]);
+      out.line.push(p.line[k]); out.what.push(p.what[k]); out.wide.push(wide);
+      kept.forEach((column, n) => column.push(p.axis[n][k]));
+    };
+    for (let k = 0; k < p.count; k++) {
+      const end = p.what[k] !== NONE && prints(p.what[k]) && k + 1 < p.count ? p.t[k + 1] : p.t[k];
+      let wide = end > p.t[k] ? sample(p.t[k]) : 1;
+      push(k, p.t[k], wide);
+      for (let t = l.start + l.every * (Math.floor((p.t[k] - l.start) / l.every) + 1); t < end; t += l.every) {
+        if (Math.abs(sample(t) - wide) > 0.01) push(k, t, wide = sample(t));
+      }
+    }
+    for (const name of [...names, "line"]) out[name] = Float64Array.from(out[name]);
+    out.what = Uint8Array.from(out.what); out.wide = Float32Array.from(out.wide); out.count = out.t.length;
+    if (p.axis) out.axis = kept.map((column) => Float64Array.from(column));
+    return out;
   }
   const outlines = new Map();
   function outline(number) {

@@ -7,7 +7,7 @@
 const Stack = (() => {
   const { data } = Job, SUPPORT = 256, NODES_MAX = 1.6e6, TURN = 15 * Math.PI / 180, HEIGHT_UNIT = 0.01, BATCH = 256, CORNERS = 48, WIDE = 2048;
   const stats = { segments: 0, calls: 0, scriptMs: 0, renderer: "", left: "" };
-  const tilts = Boolean(data.layers[0]?.path.axis);
+  const tilts = Boolean(data.layers[0]?.path.axis), narrows = Boolean(data.layers[0]?.laid);
   const HEAD = `#version 300 es
 precision highp float;
 uniform vec4 look; uniform vec4 screen; uniform vec3 middle; uniform mat4 place; uniform float reach;
@@ -22,7 +22,7 @@ vec4 seen(vec3 at) {
   const TOP = [1, 2, 3, 4].flatMap((k) => [[0, 0], [k, 0], [k + 1, 0]]);
   const SIDES = RING.flatMap((_, k) => { const n = (k + 1) % 6; return [[k, 1], [k, 2], [n, 1], [n, 1], [k, 2], [n, 2]]; });
   const BEADS = `${HEAD}
-uniform highp sampler2D support, corners, nodes, inks, axes; uniform float height, ghost; uniform int first, count, cut;
+uniform highp sampler2D support, corners, nodes, inks, axes, wides; uniform float height, ghost; uniform int first, count, cut;
 out vec3 colour;
 vec3 tilted(vec3 v, vec3 n) { return v - (n + vec3(0.0, 0.0, 1.0)) * (dot(n, v) + v.z) / (1.0 + n.z) + 2.0 * n * v.z; }
 vec3 upright(vec3 v, vec3 n) { return v - (n + vec3(0.0, 0.0, 1.0)) * (dot(n, v) + v.z) / (1.0 + n.z) + vec3(0.0, 0.0, 2.0 * dot(n, v)); }
@@ -44,7 +44,7 @@ void main() {
   vec2 u = corner.y * vec2(-along.y, along.x) + corner.z * along;
   float c = cos(at.w), s = sin(at.w);
   float angle = atan(u.y * c - u.x * s, u.x * c + u.y * s);
-  vec2 local = texelFetch(support, ivec2(int(mod(angle / 6.283185307 * ${SUPPORT}.0 + ${SUPPORT}.5, ${SUPPORT}.0)), 0), 0).xy;
+  vec2 local = texelFetch(support, ivec2(int(mod(angle / 6.283185307 * ${SUPPORT}.0 + ${SUPPORT}.5, ${SUPPORT}.0)), 0), 0).xy${narrows ? " * texelFetch(wides, spot(k), 0).x" : ""};
   vec2 edge = vec2(local.x * c - local.y * s, local.x * s + local.y * c);
   float high = ink.a * 255.0 * ${HEIGHT_UNIT} * height, slope = 0.35;
   vec3 apart = vec3(edge - (top ? slope * high * u : vec2(0.0)), top ? 0.0 : -high);
@@ -112,7 +112,7 @@ void main() { colour = tint; gl_Position = seen(at); }`;
         if (tilts) axis.push(...p.axis.map(of), 0);
       }
     }
-    return (l.nodes = { at: Float32Array.from(at), segment: Int32Array.from(segment), axis: Float32Array.from(axis), travel: Float32Array.from(travel) });
+    return (l.nodes = { at: Float32Array.from(at), segment: Int32Array.from(segment), axis: Float32Array.from(axis), travel: Float32Array.from(travel), wide: narrows ? Float32Array.from(segment, (k) => (k < 0 ? 1 : p.wide[k])) : null });
   }
   // Every layer of the job, or so many of them that the nodes stay below their limit.
   function chosen() {
@@ -129,18 +129,18 @@ void main() { colour = tint; gl_Position = seen(at); }`;
       places.push({ ...entry, node: nodes, way: ways, nodes: of.segment.length, ways: of.travel.length / 3 });
       nodes += of.segment.length; ways += of.travel.length / 3;
     }
-    const at = new Float32Array(room(nodes)), axis = tilts ? new Float32Array(room(nodes)) : null, travel = new Float32Array(3 * Math.max(ways, 2));
+    const at = new Float32Array(room(nodes)), axis = tilts ? new Float32Array(room(nodes)) : null, wide = narrows ? new Float32Array(room(nodes)) : null, travel = new Float32Array(3 * Math.max(ways, 2));
     let below = null;
     for (const entry of places) {
       const of = nodesOf(Job.layer(entry.page)), top = View.box(Job.layer(entry.page))[2][1];
-      at.set(of.at, 4 * entry.node); axis?.set(of.axis, 4 * entry.node); travel.set(of.travel, 3 * entry.way);
+      at.set(of.at, 4 * entry.node); axis?.set(of.axis, 4 * entry.node); wide && of.wide.forEach((share, k) => { wide[4 * (entry.node + k)] = share; }); travel.set(of.travel, 3 * entry.way);
       const step = below === null ? (data.bed_mm ? top - data.bed_mm[0][2] : data.bead_mm) : top - below;
       entry.height = step > 0.02 && step < 2.5 * data.bead_mm && places.length > 1 ? step : data.bead_mm;
       below = top;
     }
     const path = app.createVertexArray().vertexAttributeBuffer(0, app.createVertexBuffer(PicoGL.FLOAT, 3, travel));
     stats.whole = nodes;
-    built = { places, nodes, at: texture(at, PicoGL.RGBA32F), axis: axis && texture(axis, PicoGL.RGBA32F), key: null, ink: null, bed: bed(),
+    built = { places, nodes, at: texture(at, PicoGL.RGBA32F), axis: axis && texture(axis, PicoGL.RGBA32F), wide: wide && texture(wide, PicoGL.RGBA32F), key: null, ink: null, bed: bed(),
       travel: app.createDrawCall(lines, path).primitive(PicoGL.LINES).uniform("tint", [0.6, 0.17, 0.17]) };
   }
   function bed() {
@@ -171,6 +171,7 @@ void main() { colour = tint; gl_Position = seen(at); }`;
     built.key = Ui.colour;
     built.beads = app.createDrawCall(beads).texture("support", support).texture("corners", corners).texture("nodes", built.at).texture("inks", built.ink);
     if (tilts) built.beads.texture("axes", built.axis);
+    if (narrows) built.beads.texture("wides", built.wide);
   }
   // The layers from the lower end of the slider to the current one.
   function entries() {

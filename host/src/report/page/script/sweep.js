@@ -35,13 +35,13 @@ const Sweep = (() => {
   }
   // What is swept on a segment of a path, or on a part of it.
   function segment(path, p, k, from = 0, to = 1) {
-    const turn = p.heading[k + 1] - p.heading[k];
+    const turn = p.heading[k + 1] - p.heading[k], wide = p.wide ? p.wide[k] : 1;
     const parts = Math.max(1, Math.ceil(Math.abs(turn) * (to - from) / TURN));
     let last = null;
     for (let i = 0; i <= parts; i++) {
       const share = from + (to - from) * i / parts, heading = p.heading[k] + share * turn;
       const x = p.x[k] + share * (p.x[k + 1] - p.x[k]), y = p.y[k] + share * (p.y[k + 1] - p.y[k]);
-      const here = { x, y, heading, c: Math.cos(heading), s: Math.sin(heading) };
+      const here = { x, y, heading, c: wide * Math.cos(heading), s: wide * Math.sin(heading) };
       placement(path, x, y, here.c, here.s);
       if (last && Math.hypot(x - last.x, y - last.y) > 1e-4) hull(path, last, here);
       last = here;
