@@ -10,16 +10,20 @@
 //! Lengths in mm, angles in rad. Exact on the grid and for the given directions; the same in every run. Leaves out how the
 //! head comes to a pose, and beads: this is what is possible with material laid cell by cell, not a plan.
 
+mod cuts;
 mod grid;
 mod head_rows;
 mod order;
+mod pieces;
 mod poses;
 mod rings;
 mod support;
 #[cfg(test)]
 mod tests;
 
+pub use cuts::{Cut, CutError};
 pub use grid::Part;
+pub use pieces::Facet;
 pub use rings::directions;
 
 use crate::Vector3;
