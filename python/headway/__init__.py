@@ -68,6 +68,7 @@ if TYPE_CHECKING:
         first_layer_height_mm: Optional[float]
         layer_range: Optional[tuple[int, int]]
         curved_layers: Optional[str]
+        directions: Optional[str]
         bead_width_mm: Optional[float]
         copies: Optional[int]
         copy_gap_mm: Optional[float]
@@ -404,7 +405,8 @@ def plan_file(
     ``surface_region`` as in :func:`plan_surface`. ``cache`` is a folder of planned blocks of a mesh's layers, as of
     :func:`plan_mesh`. The options are
     those of :func:`plan`, and of meshes ``first_layer_height_mm`` and ``layer_range`` (first and last, from 1) and
-    ``curved_layers`` ("skin", "skin:3": layers that follow the tops), of runs of waypoints ``gap_mm``, ``corner_tolerance_mm`` and ``place`` ("centre", "best").
+    ``curved_layers`` ("skin", "skin:3": layers that follow the tops) and ``directions`` ("auto",
+    or the text of a file: pieces with build directions of their own), of runs of waypoints ``gap_mm``, ``corner_tolerance_mm`` and ``place`` ("centre", "best").
     """
     given = _known(options, "plan_file")
     stem, ending = _named(path)
@@ -546,6 +548,7 @@ _OPTIONS = frozenset(plan.__kwdefaults__ or ()) - {
     "first_layer_height_mm",
     "layer_range",
     "curved_layers",
+    "directions",
     "bead_width_mm",
     "gap_mm",
     "corner_tolerance_mm",

@@ -5,8 +5,8 @@
 
 use crate::{OptionsError, PartError};
 use headway::api::{
-    CurvedLayers, HeadingLaw, OPTION_NAMES, Options, PassMode, Place, Quality, Reading, SeamPlace,
-    Units,
+    CurvedLayers, Directions, HeadingLaw, OPTION_NAMES, Options, PassMode, Place, Quality, Reading,
+    SeamPlace, Units,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -83,6 +83,14 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
                 let text: String = read(&key, &value, "skin or skin:M")?;
                 let asked = text.parse::<CurvedLayers>();
                 o.curved_layers = Some(
+                    asked
+                        .map_err(|error| OptionsError::new_err(as_keywords(&error.to_string())))?,
+                );
+            }
+            "directions" => {
+                let text: String = read(&key, &value, "auto, or the text of a file")?;
+                let asked = text.parse::<Directions>();
+                o.directions = Some(
                     asked
                         .map_err(|error| OptionsError::new_err(as_keywords(&error.to_string())))?,
                 );

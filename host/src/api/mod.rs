@@ -45,6 +45,7 @@ pub use crate::scan::{
     Scale,
 };
 pub use crate::settings::curved_layers::CurvedLayers;
+pub use crate::settings::directions::Directions;
 pub use crate::settings::options::{OPTION_NAMES, Options};
 pub use crate::settings::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
 pub use blocks::{BlockStore, Cache, plan_shard};

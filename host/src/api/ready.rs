@@ -27,6 +27,7 @@ use crate::pipeline::findings::idle_options::idle_options;
 use crate::pipeline::gcode::plan_gcode;
 use crate::pipeline::mesh::{FirstLayer, PartContext, plan_part_in_pieces};
 use crate::pipeline::packing::JobPacking;
+use crate::pipeline::pieces::plan_pieces;
 use crate::pipeline::planned::{LaidPart, Planned};
 use crate::pipeline::shards::{PlannedShard, Shard, plan_shard};
 use crate::pipeline::surface::curved_layers::plan_curved_layers;
@@ -35,6 +36,7 @@ use crate::pipeline::{PlanError, plan_target_around, plan_waypoints_with_progres
 use crate::plan::progress::Progress;
 use crate::settings::Settings;
 use crate::settings::curved_layers::CurvedLayers;
+use crate::settings::directions::Directions;
 use crate::settings::options::OF_OUTLINES;
 use crate::text::short_number::Short;
 use std::io::{Read, Seek, Write};
@@ -58,6 +60,7 @@ enum Work {
     Outline(Vec<Region>, Option<Mesh>),
     Layers(SlicedPart),
     Curved(Mesh, CurvedLayers),
+    Pieces(LoadedMesh, Directions),
     Path(WaypointRun),
     Gcode(Box<GcodeProgram>),
     Patch(Mesh, Option<SpaceOutline>),
@@ -97,26 +100,29 @@ impl Ready {
                 notes.extend(copied(&mut [&mut regions], at_mm, options, &settings)?);
                 Work::Outline(regions, part.surface)
             }
-            What::Input(Input::Mesh(loaded)) => match options.curved_layers {
-                Some(asked) => Work::Curved(loaded.mesh, asked),
-                None => {
-                    let range = options.layer_range;
-                    let own_mm = settings.first_layer_height_mm;
-                    let first_mm = options.first_layer_height_mm.or(own_mm);
-                    let heights = LayerHeights::of(
-                        settings.layer_height_mm,
-                        first_mm,
-                        part.height_ranges,
-                        range,
-                    );
-                    let heights = heights.map_err(|error| Error::Options(error.to_string()))?;
-                    let mut layers = cut(&loaded, &heights, &settings)?;
-                    let own = layers.layers.iter_mut().map(|layer| &mut layer.regions);
-                    let told = copied(&mut own.collect::<Vec<_>>(), at_mm, options, &settings)?;
-                    notes.extend(layers.notes.iter().cloned().chain(told));
-                    Work::Layers(layers)
+            What::Input(Input::Mesh(loaded)) => {
+                match (options.curved_layers, &options.directions) {
+                    (Some(asked), _) => Work::Curved(loaded.mesh, asked),
+                    (_, Some(directions)) => Work::Pieces(loaded, directions.clone()),
+                    (None, None) => {
+                        let range = options.layer_range;
+                        let own_mm = settings.first_layer_height_mm;
+                        let first_mm = options.first_layer_height_mm.or(own_mm);
+                        let heights = LayerHeights::of(
+                            settings.layer_height_mm,
+                            first_mm,
+                            part.height_ranges,
+                            range,
+                        );
+                        let heights = heights.map_err(|error| Error::Options(error.to_string()))?;
+                        let mut layers = cut(&loaded, &heights, &settings)?;
+                        let own = layers.layers.iter_mut().map(|layer| &mut layer.regions);
+                        let told = copied(&mut own.collect::<Vec<_>>(), at_mm, options, &settings)?;
+                        notes.extend(layers.notes.iter().cloned().chain(told));
+                        Work::Layers(layers)
+                    }
                 }
-            },
+            }
         };
         Ok(Ready {
             name,
@@ -211,6 +217,7 @@ impl Ready {
                 }
             }
             Work::Curved(mesh, asked) => plan_curved_layers(&mesh, asked, &settings, progress),
+            Work::Pieces(mesh, directions) => plan_pieces(&mesh, &directions, &settings, progress),
             Work::Path(run) => plan_waypoints_with_progress(&run, &settings, progress),
             Work::Patch(mesh, drawn) => plan_on_patch(drawn.as_ref(), &mesh, &settings, progress),
         }?;
@@ -329,7 +336,7 @@ fn copied(
         .map_err(part_error)
 }
 
-use Kind::{Curved, Flat, Gcode, Laid, Lines, Outline, Patch, Path};
+use Kind::{Curved, Flat, Gcode, Laid, Lines, Outline, Patch, Path, Pieces};
 
 /// Kinds of parts that differ in their options.
 #[derive(Clone, Copy, PartialEq)]
@@ -341,6 +348,8 @@ enum Kind {
     /// A mesh in flat layers.
     Flat,
     Curved,
+    /// A mesh in pieces with directions of their own.
+    Pieces,
     Path,
     Gcode,
     /// Middles of beads.
@@ -354,6 +363,7 @@ impl Kind {
             What::Input(Input::Outline(_)) if part.surface.is_some() => Kind::Laid,
             What::Input(Input::Outline(_)) => Kind::Outline,
             What::Input(Input::Mesh(_)) if options.curved_layers.is_some() => Kind::Curved,
+            What::Input(Input::Mesh(_)) if options.directions.is_some() => Kind::Pieces,
             What::Input(Input::Mesh(_)) => Kind::Flat,
             What::Input(Input::Path(_)) => Kind::Path,
             What::Input(Input::Gcode(_)) => Kind::Gcode,
@@ -369,24 +379,27 @@ macro_rules! rows {
 
 /// What goes with what: the first row that applies refuses a part.
 const REFUSED: &[(&str, &[Kind], &str)] = rows! {
-    "--bead-width" => [Outline Laid Patch Flat Curved Path Gcode]
+    "--bead-width" => [Outline Laid Patch Flat Curved Pieces Path Gcode]
         "goes with --centre-lines: other beads are as wide as the nozzle lays them in their place";
     OF_FILLS => [Lines] "goes with what is filled: lines are laid once, as they are drawn; leave it out, or --centre-lines";
-    "--layers" => [Flat Curved] "goes with outlines: a mesh has its own; --layer-range takes some of them";
-    "--surface" => [Flat Curved Path Gcode] "goes with outlines: only they are projected onto a surface";
+    "--layers" => [Flat Curved Pieces] "goes with outlines: a mesh has its own; --layer-range takes some of them";
+    "--surface" => [Flat Curved Pieces Path Gcode] "goes with outlines: only they are projected onto a surface";
     "--curved-layers" => [Outline Laid Patch Path Gcode]
         "goes with meshes (STL, 3MF, OBJ): only a part has tops to follow";
+    "--directions" => [Outline Laid Patch Path Gcode]
+        "goes with meshes (STL, 3MF, OBJ): only a part is divided into pieces";
+    "--directions" => [Curved] "does not go with --curved-layers: its layers are flat; leave one of them out";
     COPIES => [Path Gcode] "goes with outlines and meshes: a path is printed once";
     COPIES => [Laid Patch] "goes with parts on the bed: a surface carries one part";
     "--keep-out" => [Patch] "goes with outlines that are seen from above";
     "--keep-out" => [Path Gcode] A_PATH;
     OF_OUTLINES => [Path Gcode] A_PATH;
-    "--gap, --turn, --corner-tolerance, --tilt-max" => [Outline Laid Patch Flat Curved Gcode Lines] NO_AXES;
+    "--gap, --turn, --corner-tolerance, --tilt-max" => [Outline Laid Patch Flat Curved Pieces Gcode Lines] NO_AXES;
     "--axis-tolerance" => [Outline Flat Curved Gcode Lines] NO_AXES;
-    "--place" => [Curved Gcode Lines] "goes with outlines, meshes in flat layers and waypoints: give the place with --at";
+    "--place" => [Curved Pieces Gcode Lines] "goes with outlines, meshes in flat layers and waypoints: give the place with --at";
     "--layer-range, --layer-heights, --first-layer-height, --first-layer-speed" => [Outline Laid Patch Path Gcode]
         "goes with meshes: all layers of an outline are the same";
-    "--cache" => [Outline Laid Patch Curved Path Gcode]
+    "--cache" => [Outline Laid Patch Curved Pieces Path Gcode]
         "goes with a mesh in flat layers: only it is planned in blocks, which are kept; leave --cache out, and the part is \
          planned anew";
     "--keep-out" => [Curved]
@@ -401,16 +414,22 @@ const REFUSED: &[(&str, &[Kind], &str)] = rows! {
     COPIES => [Curved]
         "does not go with --curved-layers: put the parts beside each other in one mesh file (each has its own curved \
          layers), or print the job once for each with --at X,Y,Z";
+    "--keep-out, --layer-range, --layer-heights, --first-layer-height, --first-layer-speed" => [Pieces]
+        "does not go with --directions, whose pieces have layers of their own from where they are cut: leave one of them out";
+    COPIES => [Pieces] "does not go with --directions: print the job once for each with --at X,Y,Z";
+    CUT_AWAY => [Pieces] "the file cuts volumes away from its objects; export the part as one mesh";
     CARVED => [Curved] "the file cuts volumes away from its objects; export the part as one mesh";
 };
 const OF_FILLS: &str = "--walls, --wall-speed, --solid-speed, --sparse-speed, --skirt, --brim, --skirt-distance-mm, \
-    --avoid-crossing, --bridge-max, --pass, --law, --quality, --overlap, --keep-out, --surface, --curved-layers, \
-    --layer-range, --layer-heights, --first-layer-height, --first-layer-speed, --cache, a second --at, --copies, --copy-gap";
+    --avoid-crossing, --bridge-max, --pass, --law, --quality, --overlap, --keep-out, --surface, --directions, \
+    --curved-layers, --layer-range, --layer-heights, --first-layer-height, --first-layer-speed, --cache, a second --at, \
+    --copies, --copy-gap";
 const COPIES: &str = "a second --at, --copies, --copy-gap";
 const A_PATH: &str = "goes with outlines: a path is followed as it is";
 const NO_AXES: &str = "goes with runs of waypoints: outlines have no tool axes";
 /// What a message on volumes of the file begins with.
 const CARVED: &str = "--curved-layers:";
+const CUT_AWAY: &str = "--directions:";
 
 /// Refuses what goes with other kinds of parts.
 fn check_options(part: &Part, options: &Options, is_cached: bool) -> Result<(), Error> {
@@ -426,6 +445,7 @@ fn check_options(part: &Part, options: &Options, is_cached: bool) -> Result<(), 
         ("--cache", is_cached),
         ("a second --at", part.at_mm.len() > 1),
         (CARVED, carved),
+        (CUT_AWAY, carved),
     ];
     let mut given = options.given();
     given.extend(of_part.iter().filter(|of| of.1).map(|of| of.0));

@@ -193,7 +193,7 @@ fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> S
 }
 
 /// The next layers of the same settings, as many as are planned at a time, and how many they are.
-fn gather<'a>(
+pub(super) fn gather<'a>(
     layers: &'a [TargetLayer],
     body: &PartBody,
     keep_out: &'a [Region],

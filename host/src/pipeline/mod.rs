@@ -30,6 +30,7 @@ pub mod page;
 pub mod part_body;
 pub mod pass_facts;
 pub mod piece;
+pub mod pieces;
 mod placed_part;
 mod placed_passes;
 mod plan;

@@ -1,6 +1,7 @@
 //! The plan of a target, with all intermediate results.
 
 use super::layer_time::SlowedLayers;
+use super::pieces::PartPieces;
 use super::roofs::Roofs;
 use super::stack::LeftOut;
 use super::surface::OnSurface;
@@ -61,6 +62,8 @@ pub struct Plan {
     pub on_surface: Option<OnSurface>,
     /// Results for its curved layers, if it has any.
     pub curved_layers: Option<CurvedFigures>,
+    /// Its pieces with directions of their own, if it has any.
+    pub pieces: Option<PartPieces>,
     /// Bridges that span much.
     pub roofs: Roofs,
     /// Layers that were slowed to last long enough.
@@ -80,6 +83,11 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// True where most layers are in no plane of the bed's.
+    pub fn is_in_space(&self) -> bool {
+        self.curved_layers.is_some() || self.pieces.is_some()
+    }
+
     /// The regions of the first layer's group; none for a run of waypoints.
     pub fn regions(&self) -> &[RegionPlan] {
         self.kinds.first().map_or(&[], |kind| &kind.regions)

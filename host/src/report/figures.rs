@@ -9,6 +9,7 @@ use super::figure_rows::{GROUPS, Row, number, row, slowest_place, time_shares};
 pub use super::layer_figures::{
     Inside, KindFigures, LaidLayerFigures, LayerFigures, LayerPlace, UseFigures,
 };
+pub use super::piece_figures::PieceFigures;
 pub use super::verdict_figures::{AgainstFigures, UnevenFigures, VerdictFigures};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -67,6 +68,8 @@ figures! {
     layers: u64 => 201 "layers", u64::to_string;
     /// Layers that follow the top of a part, where there are some.
     curved_layers: CurvedLayerFigures => 202 "curved layers", |layers| layers.text();
+    /// Pieces with build directions of their own, where there are some: the rest, which is upright, first.
+    pieces: Vec<PieceFigures> => 205 "pieces", |pieces| PieceFigures::text(pieces);
     /// Layer groups, by their first layer.
     layer_kinds: Vec<KindFigures>;
     /// `covered_pct` of the layer that has the least.

@@ -19,6 +19,7 @@ pub mod layer_path;
 pub mod machine_links;
 pub mod page;
 pub mod page_layer;
+mod piece_figures;
 pub mod plan_marks;
 pub mod plan_picture;
 pub mod pose_table;

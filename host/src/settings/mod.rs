@@ -11,6 +11,7 @@ mod check;
 mod choices;
 pub mod curved_layers;
 mod defaults;
+pub mod directions;
 pub mod drivers;
 pub mod examples;
 pub mod extruder_model;

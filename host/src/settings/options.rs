@@ -6,6 +6,7 @@
 use super::aperture_text::parse_aperture;
 use super::check::in_range;
 use super::curved_layers::CurvedLayers;
+use super::directions::Directions;
 use super::{
     AXIS_TOLERANCE_MAX_DEG, HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings,
 };
@@ -201,6 +202,8 @@ options! {
     "layer-range" layer_range: [u32; 2] [];
     /// Layers of a mesh that follow its tops.
     "curved-layers" curved_layers: CurvedLayers [];
+    /// Pieces of a mesh with build directions of their own.
+    "directions" directions: Directions [];
     /// How wide the beads along centre lines are.
     "bead-width" bead_width_mm: f64 [];
     /// How many of the part, in rows.

@@ -207,6 +207,10 @@ pub(crate) struct PlaceArgs {
     /// for 3). Curved layers are solid.
     #[arg(long, value_name = "skin[:M]", conflicts_with = "surface")]
     pub curved_layers: Option<String>,
+    /// Print a mesh in pieces with build directions of their own, for heads or tables that tilt: those of a file (TOML), or
+    /// found (auto), which `plan` writes beside the job, JOB.directions.toml, to start from.
+    #[arg(long, value_name = "auto|FILE", conflicts_with = "surface")]
+    pub directions: Option<PathBuf>,
     /// Waypoints further apart than this end a pass: retract, travel clear of the print, prime
     /// [default: six times the usual spacing].
     #[arg(long, value_name = "MM")]

@@ -11,22 +11,29 @@ mod shards;
 pub(crate) mod verdict;
 
 use crate::cli::args::allow::AllowArgs;
+use crate::cli::args::output_path::OutputPath;
 use crate::cli::args::{PartArgs, PlanArgs};
 use crate::cli::error::CliError;
 use crate::cli::terminal::console::Console;
 use crate::cli::terminal::output_file::OutputFile;
-use crate::cli::terminal::result_kind::JOB;
+use crate::cli::terminal::result_kind::{DIRECTIONS, JOB};
 use crate::pipeline::findings::settled_verdict::settle;
 use crate::pipeline::packing::{JobPacking, job_header};
 use crate::pipeline::planned::Planned;
 use crate::settings::aperture_text::nozzle_text;
+use crate::settings::directions::to_toml;
 use std::fs::File;
+use std::path::Path;
 
 pub(crate) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
     let Some(output) = &args.output else {
         return shards::run(args, console);
     };
     let output = output.file(JOB, console)?;
+    let finds = args.asked.place.directions.as_deref() == Some(Path::new("auto"));
+    let found = finds.then(|| output.path().with_extension("directions.toml"));
+    let found = found.map(|path| OutputPath::from(path).file(DIRECTIONS, console));
+    let found = found.transpose()?;
     if !args.verdict.figures {
         console.show_few_notes();
     }
@@ -40,6 +47,15 @@ pub(crate) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
     let other = |asked: &PartArgs| planned::from_input(&args.input, asked, &[], None, console);
     verdict::compare(&args.verdict, &args.asked, other, &mut planned.figures)?;
     settle(&mut planned);
+    let pieces = planned.plan.as_ref().and_then(|plan| plan.pieces.as_ref());
+    let cuts = pieces.map_or(&[][..], |pieces| &pieces.cuts);
+    if let Some(file) = found.filter(|_| written.is_ok() && !cuts.is_empty()) {
+        file.write(to_toml(cuts).as_bytes())?;
+        console.say(&format!(
+            "its pieces are written to {}",
+            file.path().display()
+        ));
+    }
     let figures = &planned.figures;
     match args.json {
         true => console.result(&(figures.to_json() + "\n"))?,

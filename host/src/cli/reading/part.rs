@@ -13,7 +13,9 @@ use crate::input::space_outline::{SpaceOutline, read_in_space};
 use crate::input::{Format, Input, MESH_BYTES_MAX, ReadOptions};
 use crate::mesh::Mesh;
 use crate::settings::curved_layers::CurvedLayersTextError;
+use crate::settings::directions::Directions;
 use crate::settings::obstacles::Obstacles;
+use crate::text::refusal::Refusal;
 use std::path::{Path, PathBuf};
 
 /// The part, with its options over the machine's settings, and what messages call it.
@@ -96,6 +98,7 @@ fn options(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Options, CliErr
         layer_range: layer_range(&place.layers)?,
         curved_layers: curved_layers
             .map_err(|error: CurvedLayersTextError| CliError::Usage(error.to_string()))?,
+        directions: place.directions.as_deref().map(directions).transpose()?,
         bead_width_mm: place.bead_width,
         copies: place.copies,
         copy_gap_mm: place.copy_gap,
@@ -107,6 +110,16 @@ fn options(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Options, CliErr
         tilt_max_deg: place.tilt_max,
         ..settings.options.clone()
     })
+}
+
+/// Pieces of a file, or that they are to be found.
+fn directions(path: &Path) -> Result<Directions, CliError> {
+    let wrong =
+        |error: Refusal| CliError::Usage(format!("--directions {}: {error}", path.display()));
+    match path.to_str() {
+        Some("auto") => Ok(Directions::Auto),
+        _ => load::read_text(path)?.parse().map_err(wrong),
+    }
 }
 
 /// A surface that is printed by itself or with an outline drawn on it in space; `None` for any other input.

@@ -5,6 +5,7 @@ use crate::joint_export::tables::FIRST_COLUMNS;
 use crate::plan::headings::headings_table::HEADER;
 use crate::programs::text::WRITTEN_BY;
 use crate::report::pose_table::POSE_HEADER;
+use crate::settings::directions::FIRST_LINE;
 use headway_firmware::settings::BoardSettings;
 
 /// Bytes at the start of a file by which its kind is judged: more than a board's settings have.
@@ -49,6 +50,9 @@ pub(crate) const MACHINE: ResultKind = kind("a machine file", |head| {
 pub(crate) const LOG: ResultKind = kind("an empty file", |_| false).kept();
 pub(crate) const PROGRAM: ResultKind = kind("a program of headway", |head| {
     String::from_utf8_lossy(head).contains(WRITTEN_BY)
+});
+pub(crate) const DIRECTIONS: ResultKind = kind("directions that headway found", |head| {
+    head.starts_with(FIRST_LINE.as_bytes())
 });
 pub(crate) const TABLE: ResultKind = kind("a table of headway", |head| {
     let joints = FIRST_COLUMNS.join(",");

@@ -69,15 +69,17 @@ pub struct Findings {
 
 /// Findings of a plan that took `plan_s` seconds.
 pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
-    let unreachable = match (&plan.on_surface, &plan.curved_layers) {
-        (Some(laid), _) => laid.unreachable.clone(),
-        (_, Some(curved)) => curved.unreachable.clone(),
+    let unreachable = match (&plan.on_surface, &plan.curved_layers, &plan.pieces) {
+        (Some(laid), ..) => laid.unreachable.clone(),
+        (_, Some(curved), _) => curved.unreachable.clone(),
+        (.., Some(pieces)) => pieces.unreachable.clone(),
         _ => unreachable_boundary(plan.regions()),
     };
     let mut warnings = warnings(plan, &unreachable, settings);
-    let open = match (&plan.on_surface, &plan.curved_layers) {
-        (Some(laid), _) => laid.open_ground(),
-        (_, Some(curved)) => {
+    let open = match (&plan.on_surface, &plan.curved_layers, &plan.pieces) {
+        (Some(laid), ..) => laid.open_ground(),
+        (.., Some(pieces)) => pieces.open.clone(),
+        (_, Some(curved), _) => {
             let mut open = curved.open_ground();
             open.extend(open_ground(plan, settings));
             open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
@@ -210,7 +212,9 @@ fn plan_figures(
     Figures {
         layers: is_stack.then_some(u64::from(f.layers)),
         curved_layers: plan.curved_layers.as_ref().map(curved_layer_figures),
-        layer_kinds: (is_stack && !plan.kinds.is_empty()).then(|| kind_figures(plan)),
+        pieces: plan.pieces.as_ref().map(|pieces| pieces.figures.clone()),
+        layer_kinds: (is_stack && !plan.kinds.is_empty() && plan.pieces.is_none())
+            .then(|| kind_figures(plan)),
         covered_pct_min: is_stack.then_some(f.covered_pct_min),
         overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
         kept_out_mm2: (!plan.keep_out.is_empty()).then_some(plan.kept_out_mm2),

@@ -5,7 +5,7 @@ use crate::pipeline::Plan;
 use crate::plan::judge::touches::{HeadPart, Touches};
 use crate::plan::motion::best_place::FoundPlace;
 use crate::plan::motion::singular::SingularPlaces;
-use crate::report::figures::CornerFigures;
+use crate::report::figures::{CornerFigures, PieceFigures};
 use crate::settings::Settings;
 
 /// Slowing that is worth a note, s.
@@ -20,6 +20,7 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
         curved_layers(plan),
         edge_depth(plan, settings),
         hangs(plan),
+        pieces(plan),
         left_out(plan),
         found_place(plan.found_place, &plan.transform),
         leans(plan),
@@ -96,6 +97,34 @@ fn hangs(plan: &Plan) -> Option<String> {
     Some(format!(
         "{area_mm2:.2} mm² hang farther than half a bead over what is below, the most near ({x:.2}, {y:.2}, {z:.2}), and neither \
          supports nor bridges are made with curved layers: turn the part (--rotate) or print supports with it"
+    ))
+}
+
+/// What of a part in pieces hangs.
+fn pieces(plan: &Plan) -> Option<String> {
+    let figures = &plan.pieces.as_ref()?.figures;
+    let sum = |of: fn(&PieceFigures) -> f64| figures.iter().map(of).sum::<f64>();
+    let [upright_mm2, left_mm2] = [sum(|of| of.overhang_upright_mm2), sum(|of| of.overhang_mm2)];
+    if figures.len() == 1 {
+        return Some(format!(
+            "no piece with a direction of its own is worth its time: the part is printed whole, and {left_mm2:.2} mm² of it hang"
+        ));
+    }
+    let worst = figures
+        .iter()
+        .zip(0..)
+        .max_by(|a, b| a.0.overhang_mm2.total_cmp(&b.0.overhang_mm2))?;
+    let worst = match worst {
+        (worst, _) if worst.overhang_mm2 <= 0.0 => String::new(),
+        (worst, 0) => format!(
+            ", {:.2} of them at the rest, which is upright",
+            worst.overhang_mm2
+        ),
+        (worst, piece) => format!(", {:.2} of them at piece {piece}", worst.overhang_mm2),
+    };
+    Some(format!(
+        "{} pieces after the rest: {left_mm2:.2} mm² of the part hang as they are printed instead of {upright_mm2:.2}{worst}; layers are counted on from piece to piece",
+        figures.len() - 1
     ))
 }
 

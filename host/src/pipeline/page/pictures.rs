@@ -67,7 +67,7 @@ fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
         };
         // Of a part in curved layers the last as well: it follows the top.
         let is_curved = planned.plan.as_ref();
-        let is_curved = is_curved.is_some_and(|plan| plan.curved_layers.is_some());
+        let is_curved = is_curved.is_some_and(|plan| plan.is_in_space());
         let last = (is_curved && layers > lowest + 1).then(|| layers - 1);
         let shown = std::iter::once(lowest).chain(last);
         return shown
@@ -159,7 +159,7 @@ fn rasters(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<(Frame, Coverage)
     let Some(plan) = &planned.plan else {
         return rasters_of_job(planned, shown);
     };
-    if plan.curved_layers.is_some() {
+    if plan.is_in_space() {
         // Most of the layers are in space: there is no one plane to draw cells in.
         return shown.iter().map(|_| Vec::new()).collect();
     }
@@ -197,7 +197,7 @@ pub fn plan_picture<'a>(title: &'a str, planned: &'a Planned, layer: u32) -> Pla
     let keep_out = planned.plan.as_ref().map(|plan| plan.keep_out.as_slice());
     // Those of a part in curved layers are of all layers together.
     let unreachable = match &planned.plan {
-        Some(plan) if plan.curved_layers.is_some() => &[][..],
+        Some(plan) if plan.is_in_space() => &[][..],
         _ => &planned.unreachable,
     };
     PlanPicture {

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 const TILT_STEP_DEG: usize = 5;
 const AZIMUTHS: u32 = 16;
 
-pub(super) struct Joints<'a> {
+pub(in crate::pipeline) struct Joints<'a> {
     settings: &'a Settings,
     /// Corners of the part's box, machine coordinates.
     box_mm: [Vector3; 2],
@@ -18,7 +18,11 @@ pub(super) struct Joints<'a> {
 }
 
 impl Joints<'_> {
-    pub(super) fn new(settings: &Settings, box_mm: [Vector3; 2], headings: u32) -> Joints<'_> {
+    pub(in crate::pipeline) fn new(
+        settings: &Settings,
+        box_mm: [Vector3; 2],
+        headings: u32,
+    ) -> Joints<'_> {
         Joints {
             settings,
             box_mm,
@@ -27,7 +31,7 @@ impl Joints<'_> {
     }
 
     /// Whether some joint positions within their ranges have the tip there; singular poses have none.
-    pub(super) fn permit(&self, tip_mm: Vector3, axis: &Vector3) -> bool {
+    pub(in crate::pipeline) fn permit(&self, tip_mm: Vector3, axis: &Vector3) -> bool {
         let machine = &self.settings.machine;
         let winds = winds(&machine.kinematics);
         let solutions = 0..machine.kinematics.solutions();
@@ -57,7 +61,7 @@ impl Joints<'_> {
     }
 
     /// The largest tilt over the middle of the part, up to 90°.
-    pub(super) fn tilt_max_rad(&self) -> f64 {
+    pub(in crate::pipeline) fn tilt_max_rad(&self) -> f64 {
         let middle_mm = 0.5 * (self.box_mm[0] + self.box_mm[1]);
         let tilts = (0..=90u8).step_by(TILT_STEP_DEG);
         let tilts = tilts.map(|deg| f64::from(deg).to_radians()).rev();
@@ -75,7 +79,7 @@ impl Joints<'_> {
     }
 
     /// By direction: whether it is permitted, where that is the same at 27 places of the box; elsewhere each pose is asked.
-    pub(super) fn permitted(&self, axes: &[Vector3]) -> Vec<Option<bool>> {
+    pub(in crate::pipeline) fn permitted(&self, axes: &[Vector3]) -> Vec<Option<bool>> {
         let [low, high] = self.box_mm;
         let size = high - low;
         let places = (0..27u8).map(|n| [n % 3, n / 3 % 3, n / 9].map(|k| 0.5 * f64::from(k)));

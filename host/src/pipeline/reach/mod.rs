@@ -11,8 +11,6 @@ mod joints;
 mod left_out;
 mod voxels;
 
-pub use left_out::LeftOutPlace;
-
 use crate::geometry::Vector2;
 use crate::geometry::polygon::Box2;
 use crate::job::transform::PartTransform;
@@ -22,10 +20,11 @@ use crate::text::refusal::{Refusal, refusal};
 use headway_reach::Vector3;
 use headway_reach::profile::HeadProfile;
 use headway_reach::space::{self, LeftOut, POSES_MAX, Reach, Rules, Space};
-use joints::Joints;
+pub(super) use joints::Joints;
+pub use left_out::LeftOutPlace;
 use rayon::prelude::*;
 use serde::Serialize;
-use voxels::Voxels;
+pub(super) use voxels::Voxels;
 
 /// Voxels of the part's box where no size is given.
 const BOX_VOXELS: f64 = 1e5;
@@ -33,11 +32,11 @@ const BOX_VOXELS: f64 = 1e5;
 const SIDE_MAX: f64 = 1000.0;
 const BOX_MAX: f64 = 1.2e7;
 /// Share of a voxel that is under the flat end, not in the head: less, and rounding on the grid blocks poses.
-const SLACK_SHARE: f64 = 0.3;
+pub(super) const SLACK_SHARE: f64 = 0.3;
 /// Self-support where the material does not say it.
-const SELF_SUPPORT_DEG: f64 = 45.0;
+pub(super) const SELF_SUPPORT_DEG: f64 = 45.0;
 /// Headings in half a turn.
-const HEADINGS: u32 = 8;
+pub(super) const HEADINGS: u32 = 8;
 
 /// What is asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -9,9 +9,9 @@ use headway_reach::space::Part;
 /// Lines are this share of a voxel beside the middles of cells, so that they pass no edge of what is drawn on round numbers.
 const BESIDE: [f64; 2] = [1.234e-4, 2.345e-4];
 
-pub(super) struct Voxels {
-    pub(super) part: Part,
-    low_mm: Vector3,
+pub(in crate::pipeline) struct Voxels {
+    pub(in crate::pipeline) part: Part,
+    pub(in crate::pipeline) low_mm: Vector3,
 }
 
 /// Where cells are.
@@ -24,7 +24,7 @@ struct Frame {
 impl Voxels {
     /// On a grid about the middle of the part's box, and from its lowest point up; larger where obstacles are, which are
     /// `offset_mm` from the part's coordinates.
-    pub(super) fn new(
+    pub(in crate::pipeline) fn new(
         mesh: &LoadedMesh,
         obstacles: &Obstacles,
         offset_mm: Vector3,
@@ -83,9 +83,28 @@ impl Voxels {
     }
 
     /// Middle of a cell, the part's coordinates.
-    pub(super) fn middle_mm(&self, cell: [u16; 3]) -> Vector3 {
+    pub(in crate::pipeline) fn middle_mm(&self, cell: [u16; 3]) -> Vector3 {
         let middle = Vector3::from(cell.map(f64::from)).add_scalar(0.5);
         self.low_mm + self.part.voxel_mm() * middle
+    }
+
+    /// The part's cell at a place in its coordinates, or where there is none those beside it.
+    pub(in crate::pipeline) fn cells_near(&self, place_mm: Vector3) -> Vec<usize> {
+        let at = ((place_mm - self.low_mm) / self.part.voxel_mm()).map(|n| n.floor() as i64);
+        let cells = self.part.cells();
+        let cell = |x: i64, y: i64, z: i64| {
+            let key = [z, y, x];
+            let of = |cell: &[u16; 3]| [2, 1, 0].map(|axis| i64::from(cell[axis]));
+            cells.binary_search_by_key(&key, of).ok()
+        };
+        if let Some(own) = cell(at.x, at.y, at.z) {
+            return vec![own];
+        }
+        let near = || -1..=1i64;
+        let beside = near().flat_map(|z| near().flat_map(move |y| near().map(move |x| [x, y, z])));
+        beside
+            .filter_map(|[x, y, z]| cell(at.x + x, at.y + y, at.z + z))
+            .collect()
     }
 }
 

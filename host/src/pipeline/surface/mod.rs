@@ -295,10 +295,9 @@ fn placed(
         singular,
         ..
     } = placed_passes(vec![curves], transform, bounds, settings, false)?;
-    let curves = passes.into_iter().flatten().collect();
     let start = start_pose(settings);
     let mesh_top_mm = high.z + transform.offset_mm[2];
-    let route = complete_route(moves, curves, mesh_top_mm, start, settings);
+    let route = complete_route(&[moves], passes, mesh_top_mm, start, settings);
     let points = held.points(mesh, bounds, &transform, settings);
     let touches = touches_on(&route, settings, &points);
     let mut touch = touches.iter().flat_map(|touches| &touches.deepest);
@@ -375,7 +374,7 @@ fn passes_of(route: &Route) -> usize {
     passes.max().map_or(0, |last| last as usize + 1)
 }
 
-fn shifted(curve: &PathCurve, by_mm: [f64; 3]) -> PathCurve {
+pub(in crate::pipeline) fn shifted(curve: &PathCurve, by_mm: [f64; 3]) -> PathCurve {
     let mut control = curve.control.clone();
     for point in &mut control {
         for (channel, by_mm) in (CHANNEL_X..=CHANNEL_Z).zip(by_mm) {

@@ -159,14 +159,18 @@ fn least_led(passes: &Passes, start: Point, settings: &Settings) -> Option<Passe
     best
 }
 
-/// The passes cut at the pole of a tilting table, where the joints can follow then.
-fn lifted_off(passes: &Passes, start: Point, settings: &Settings) -> Option<PassedPlaces> {
-    let lines_up_upright = match &settings.machine.kinematics {
+/// Whether two rotary axes of the machine line up where the tool is upright.
+pub fn lines_up_upright(kinematics: &Kinematics) -> bool {
+    match kinematics {
         Kinematics::Trunnion { .. } => true,
         Kinematics::Axes { axes, .. } => !axes.is_cone() && !axes.is_determined_upright(),
         _ => false,
-    };
-    if !lines_up_upright {
+    }
+}
+
+/// The passes cut at the pole of a tilting table, where the joints can follow then.
+fn lifted_off(passes: &Passes, start: Point, settings: &Settings) -> Option<PassedPlaces> {
+    if !lines_up_upright(&settings.machine.kinematics) {
         return None;
     }
     let cut = cut_at_the_pole(passes);

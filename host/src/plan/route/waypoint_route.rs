@@ -80,25 +80,25 @@ pub fn waypoint_route(
     )
 }
 
-/// The route along moves that already have flow and events: adds the moves to the first and from the
-/// last of them, above `top_mm` if the head comes from above. `curves` replace those of all moves with
-/// motion, in order. The way back belongs to the last layer, so that layers only rise.
+/// The route along pieces of moves that already have flow and events: adds the moves to the first and from the last of them,
+/// above `top_mm` if the head comes from above, and the travel from piece to piece, clear of what is printed. `curves` replace
+/// those of all moves with motion, in order. What is added belongs to the layer before it, so that layers only rise.
 pub fn complete_route(
-    moves: &[RouteMove],
-    curves: Vec<PathCurve>,
+    pieces: &[&[RouteMove]],
+    curves: Vec<Vec<PathCurve>>,
     top_mm: f64,
     start: Point,
     settings: &Settings,
 ) -> Route {
-    let mut printed = 0;
     let mut route = along(
-        vec![curves],
+        curves,
         &[],
         start,
         settings,
         top_mm,
         Volumes::Known,
-        &mut |route, curves, _| {
+        &mut |route, curves, piece| {
+            let moves = pieces[piece as usize];
             let mut curves = curves.into_iter().peekable();
             let mut here = curves
                 .peek()
@@ -117,12 +117,12 @@ pub fn complete_route(
                     ..route_move.clone()
                 });
             }
-            printed = route.moves.len();
         },
     );
-    let last_layer = moves.iter().map(|route_move| route_move.layer).max();
-    for back in route.moves.iter_mut().skip(printed) {
-        back.layer = last_layer.unwrap_or_default();
+    let mut layer = 0;
+    for own in &mut route.moves {
+        layer = own.layer.max(layer);
+        own.layer = layer;
     }
     route
 }

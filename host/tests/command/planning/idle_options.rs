@@ -7,7 +7,7 @@ use headway::settings::{Settings, machine_file};
 use std::path::Path;
 
 /// A value for each option that is not the default's.
-const VALUES: [(&str, &str); 35] = [
+const VALUES: [(&str, &str); 36] = [
     ("speed", "30"),
     ("wall-speed", "20"),
     ("solid-speed", "20"),
@@ -40,6 +40,7 @@ const VALUES: [(&str, &str); 35] = [
     ("first-layer-height", "0.3"),
     ("layer-range", "1-1"),
     ("curved-layers", "skin"),
+    ("directions", "auto"),
     ("gap", "0.5"),
     ("corner-tolerance", "0.1"),
     ("place", "best"),

@@ -5,6 +5,7 @@ mod awkward;
 mod centre_lines;
 mod copies;
 mod curved_layers;
+mod directions;
 mod dxf;
 mod gcode;
 mod gcode_axes;

@@ -4,6 +4,7 @@ mod arm_solutions;
 mod axis_family;
 mod clear_travel;
 mod lean;
+mod pieces;
 mod programs;
 mod published_arms;
 mod pump_outputs;

@@ -258,11 +258,10 @@ impl OneJob {
             settings,
             false,
         )?;
-        let on_machine = passes.into_iter().flatten().collect();
         let top_mm = self.top_mm + transform.offset_mm[2];
         let route = complete_route(
-            &self.moves,
-            on_machine,
+            &[&self.moves],
+            passes,
             top_mm,
             start_pose(settings),
             settings,
