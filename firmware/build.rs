@@ -15,7 +15,9 @@ fn main() {
     // Sector 3 is the settings': only the vectors are before it, code begins after it. Before the
     // script, which would place it itself.
     if std::env::var_os("CARGO_FEATURE_OCTOPUS_SERIAL").is_some() {
-        println!("cargo:rustc-link-arg-bin=octopus=--defsym=_stext=0x08010000");
+        for binary in ["octopus", "spider", "spider22"] {
+            println!("cargo:rustc-link-arg-bin={binary}=--defsym=_stext=0x08010000");
+        }
     }
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     // Segments begin where their sections do. Rounded down to a page, the first one would claim the

@@ -19,8 +19,10 @@ fn main() {
 use defmt_semihosting as _;
 
 #[cfg(all(target_os = "none", feature = "octopus-ports"))]
-#[path = "../../firmware/src/bin/shared/octopus_step_ports.rs"]
+#[path = "../../firmware/src/bin/shared/step_ports.rs"]
 mod ports;
+#[cfg(all(target_os = "none", feature = "octopus-ports"))]
+use headway_firmware::board::octopus::BOARD;
 #[cfg(target_os = "none")]
 #[path = "../../firmware/src/bin/shared/runtime.rs"]
 mod runtime;

@@ -18,8 +18,10 @@ fn main() {
 }
 
 #[cfg(target_os = "none")]
-#[path = "../../firmware/src/bin/shared/octopus_step_ports.rs"]
+#[path = "../../firmware/src/bin/shared/step_ports.rs"]
 mod ports;
+#[cfg(target_os = "none")]
+use headway_firmware::board::octopus::BOARD;
 #[cfg(target_os = "none")]
 #[path = "../../firmware/src/bin/shared/runtime.rs"]
 mod runtime;
@@ -34,7 +36,6 @@ mod bench {
     use core::sync::atomic::{AtomicU32, Ordering};
     use cortex_m_semihosting::{debug, hprintln, syscall};
     use headway_firmware::board::gaps::BoardClock;
-    use headway_firmware::board::octopus::DIRECTION;
     use headway_firmware::configuration::homing::HomingConfiguration;
     use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
     use headway_firmware::design::WEIGHED_KNOTS;
@@ -113,7 +114,7 @@ mod bench {
 
     /// True if direction pins were written since the last call: one port has no others.
     fn take_turned() -> bool {
-        let turned = port(DIRECTION[7].0);
+        let turned = port(crate::BOARD.direction()[7].0);
         // SAFETY: as above.
         unsafe {
             let word = turned.read_volatile();

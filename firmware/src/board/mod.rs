@@ -28,7 +28,9 @@ pub mod octopus;
 mod pins;
 mod ring;
 pub mod sector_flash;
+pub mod spider;
 mod start;
+pub mod table;
 
 pub use crash::{KeptCrash, crash_of, kept_crash};
 pub use heat_port::{HeatPort, NoHeat};

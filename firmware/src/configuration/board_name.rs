@@ -14,17 +14,28 @@ pub enum BoardName {
     Octopus10,
     /// BTT Octopus v1.1.
     Octopus11,
+    /// Fysetc Spider v1.0 and v1.1.
+    Spider11,
+    /// Fysetc Spider v2.2.
+    Spider22,
 }
 
 impl BoardName {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::Octopus10, Self::Octopus11];
+    pub const ALL: [Self; 4] = [
+        Self::Octopus10,
+        Self::Octopus11,
+        Self::Spider11,
+        Self::Spider22,
+    ];
 
     /// As a machine file has it.
     pub const fn text(self) -> &'static str {
         match self {
             Self::Octopus10 => "octopus-1.0",
             Self::Octopus11 => "octopus-1.1",
+            Self::Spider11 => "spider-1.1",
+            Self::Spider22 => "spider-2.2",
         }
     }
 

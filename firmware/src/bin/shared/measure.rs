@@ -3,8 +3,7 @@
 //! A window for a step tick masks all else for 7.5 us at most, less than a byte at 1 Mbaud; one for a servo tick waits for
 //! it unmasked. `docs/guide/boards.md` says how to read the figures. Not covered: how long an interrupt waits before it begins.
 
-use super::{EMPTY, HANDED, HANDOVER, LONGEST_LOCK, LONGEST_ROUND, count};
-use crate::Clock;
+use super::{Clock, EMPTY, HANDED, HANDOVER, LONGEST_LOCK, LONGEST_ROUND, count};
 use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::peripheral::SYST;
 use cortex_m::register::basepri;

@@ -1,16 +1,20 @@
-//! The common part of the STM32F4 boards: start-up, clocks, watchdog, emergency input, serial line,
-//! main loop.
+//! All of an STM32F4 board but its table: start-up, clocks, watchdog, emergency input, serial line, main loop.
 //!
-//! A board names its pins, its chip and its serial port, and hands its pins over in [`Parts`];
-//! `runtime.rs` does the rest. Registers after RM0090 (STM32F405) and RM0390 (STM32F446), which
+//! A board's crate has its [`BoardTable`](headway_firmware::board::table::BoardTable) as `BOARD` in its root, and this
+//! module; `runtime.rs` does the rest. Registers after RM0090 (STM32F405) and RM0390 (STM32F446), which
 //! agree in everything used here. Built and emulated: it has not run on hardware.
 
 // Each board uses what it needs of this.
 #![allow(dead_code)]
 
+#[cfg(feature = "defmt")]
+use defmt_rtt as _;
+
 #[cfg_attr(feature = "emulated", allow(unused_imports))]
 #[path = "stm32f4_clocks.rs"]
 mod clocks;
+#[path = "stm32f4_converter.rs"]
+mod converter;
 #[path = "stm32f4_drivers.rs"]
 mod drivers;
 #[path = "stm32f4_ends.rs"]
@@ -19,17 +23,27 @@ mod ends;
 mod flash;
 #[path = "stm32f4_heat.rs"]
 mod heat;
+#[path = "stm32f4_pins.rs"]
+mod pins;
 #[path = "stm32f4_rcc.rs"]
-pub mod rcc;
+mod rcc;
+#[path = "runtime.rs"]
+mod runtime;
+#[path = "stm32f4_servo.rs"]
+mod servo;
 #[path = "stm32f4_start.rs"]
-pub mod start;
+mod start;
+#[path = "step_ports.rs"]
+mod step_ports;
+#[cfg(feature = "octopus")]
+#[path = "stm32f4_usb.rs"]
+mod usb;
+#[path = "stm32f4_wires.rs"]
+mod wires;
 
-use crate::board::{
-    CHIP_ID, DriverPins, HeatPins, INPUTS, MUST_BE_NAMED, Output, PORTS_CLOCK_MASK, Pins,
-    SERIAL_CLOCK_MASK, SERIAL_INTERRUPT, SERIAL_PORT, ServoPin, UsbLine, heaters, input,
-    set_up_board,
-};
-use crate::runtime::{self, Board, Locked, Shared, with_motion};
+use crate::BOARD;
+use CoreClock as Clock;
+use converter::Thermistors;
 use core::convert::Infallible;
 use cortex_m::peripheral::{DWT, NVIC, Peripherals};
 use cortex_m_rt::exception;
@@ -40,9 +54,11 @@ pub use ends::stop;
 use flash::KeptSettings;
 use headway_firmware::board::built_in::built_for;
 use headway_firmware::board::gaps::BoardClock;
+use headway_firmware::board::table::Usart;
 use headway_firmware::board::{BoardPins, ByteRing, Incoming, chip_fault, fetch, send};
 use headway_firmware::configuration::board_name::{Known, UNNAMED};
 use headway_firmware::configuration::drivers::DriversConfiguration;
+use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_firmware::design::WEIGHED_KNOTS;
 use headway_firmware::line::measurement::Measurement;
 use headway_firmware::line::{Conversation, Receiver};
@@ -50,9 +66,14 @@ use headway_firmware::machine::round::{Controller, Link, Surroundings, round};
 use headway_firmware::motion::inputs::{EMERGENCY_LOOK_NS, Inputs, is_held};
 use headway_firmware::motion::probe_pin::PulsePort;
 use headway_firmware::settings::BoardSettings;
+use headway_firmware::steps::output::PortOutput;
 use headway_protocol::message::{Fault, FaultCause};
 use heat::HeatLoop;
+use pins::Pins;
 use rcc::{Bus, clock_on};
+use runtime::{Board, Locked, Shared, with_motion};
+use servo::ProbeServo;
+use step_ports::DriverPorts;
 use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
 
 /// System configuration, which has the multiplexer of the external interrupts.
@@ -65,21 +86,13 @@ const SERIAL_PRIORITY: u8 = 0x40;
 const LINES: usize = 2;
 const USB_LINE: usize = 1;
 
-/// What a board hands over.
-pub struct Parts {
-    /// Step and direction pins.
-    pub output: Output,
-    /// Switches, emergency input, enables.
-    pub pins: Pins,
-    /// USB, or a `NoLine`.
-    pub usb: UsbLine,
-    /// Sensors of the heaters, and their supply.
-    pub heat: HeatPins,
-    /// Wires to the drivers, or `NoDrivers`.
-    pub drivers: DriverPins,
-    /// The servo pin of the probe, or a `NoPulse`.
-    pub servo: ServoPin,
-}
+const _: () = BOARD.check();
+
+type Output = PortOutput<DriverPorts>;
+#[cfg(feature = "octopus")]
+use usb::UsbLine;
+#[cfg(not(feature = "octopus"))]
+type UsbLine = headway_firmware::board::NoLine;
 
 /// The servo interrupt's.
 static PINS: Shared<Pins> = Shared::empty();
@@ -110,17 +123,26 @@ fn confirmed(inputs: Inputs) -> Inputs {
     }
 }
 
-/// The emergency input has opened, or a stop is requested.
-#[interrupt]
-fn EXTI9_5() {
-    runtime::stop_interrupt(emergency_input::take());
-}
+/// The interrupts of the lines: the emergency input has opened, or a stop is requested.
+const STOPS: [Interrupt; 7] = [
+    Interrupt::EXTI0,
+    Interrupt::EXTI1,
+    Interrupt::EXTI2,
+    Interrupt::EXTI3,
+    Interrupt::EXTI4,
+    Interrupt::EXTI9_5,
+    Interrupt::EXTI15_10,
+];
 
-/// The same, of an input on the upper lines.
-#[interrupt]
-fn EXTI15_10() {
-    runtime::stop_interrupt(emergency_input::take());
+macro_rules! stop_interrupts {
+    ($($line:ident),*) => {
+        $(#[interrupt]
+        fn $line() {
+            runtime::stop_interrupt(emergency_input::take());
+        })*
+    };
 }
+stop_interrupts!(EXTI0, EXTI1, EXTI2, EXTI3, EXTI4, EXTI9_5, EXTI15_10);
 
 /// Asks for the stop interrupt.
 pub fn pend_stop() {
@@ -128,7 +150,7 @@ pub fn pend_stop() {
 }
 
 mod emergency_input {
-    //! An edge of one line of the external interrupts, 5 to 15, and the input's level. The chip latches the edge
+    //! An edge of one line of the external interrupts, and the input's level. The chip latches the edge
     //! until it is handled; every servo tick reads the level. Either counts if the input stays pressed for some
     //! microseconds.
     use super::{CoreDelay, DelayNs, EMERGENCY_LOOK_NS, is_held};
@@ -204,6 +226,14 @@ mod emergency_input {
 /// A USART at 1 Mbaud: received bytes go into a ring, sent ones straight out.
 pub struct SerialLine;
 
+/// Its registers, its clock, its interrupt, and the clock of its bus.
+const SERIAL: (usize, Bus, u32, Interrupt, u32) = match BOARD.serial.usart {
+    Usart::One => (0x4001_1000, Bus::Apb2, 1 << 4, Interrupt::USART1, 84),
+    Usart::Two => (0x4000_4400, Bus::Apb1, 1 << 17, Interrupt::USART2, 42),
+    Usart::Three => (0x4000_4800, Bus::Apb1, 1 << 18, Interrupt::USART3, 42),
+};
+const SERIAL_PORT: usize = SERIAL.0;
+const SERIAL_INTERRUPT: Interrupt = SERIAL.3;
 const STATE: *mut u32 = SERIAL_PORT as *mut u32;
 const DATA: *mut u32 = (SERIAL_PORT + 4) as *mut u32;
 const BAUD: *mut u32 = (SERIAL_PORT + 8) as *mut u32;
@@ -211,8 +241,8 @@ const CONTROL: *mut u32 = (SERIAL_PORT + 12) as *mut u32;
 const TX_EMPTY: u32 = 1 << 7;
 /// On; interrupt when a byte has arrived; sends and receives.
 const SERIAL_ON: u32 = 1 << 13 | 1 << 5 | 1 << 3 | 1 << 2;
-/// 42 MHz / 16 / 2.625.
-const ONE_MBAUD: u32 = 2 << 4 | 10;
+/// Of the bus's clock, MHz, by 16 with four bits behind the point.
+const ONE_MBAUD: u32 = SERIAL.4;
 /// 41 ms at 1 Mbaud: twice the time in which an arm processes a full block of knots, while nothing is read.
 /// The host sends no more than its credit, so at most two blocks arrive in a row.
 static ARRIVED: ByteRing<4096> = ByteRing::new();
@@ -227,8 +257,8 @@ impl SerialLine {
         Self
     }
 
-    /// A byte has arrived; for the board's interrupt.
-    pub fn interrupt() {
+    /// A byte has arrived.
+    fn interrupt() {
         // SAFETY: reading state and data, as this interrupt alone does.
         let byte = unsafe {
             let _ = STATE.read_volatile();
@@ -236,6 +266,21 @@ impl SerialLine {
         };
         ARRIVED.push(byte);
     }
+}
+
+#[interrupt]
+fn USART1() {
+    SerialLine::interrupt();
+}
+
+#[interrupt]
+fn USART2() {
+    SerialLine::interrupt();
+}
+
+#[interrupt]
+fn USART3() {
+    SerialLine::interrupt();
 }
 
 impl ErrorType for SerialLine {
@@ -288,7 +333,7 @@ struct Around {
     kept: KeptSettings,
     serial: SerialLine,
     usb: UsbLine,
-    servo: ServoPin,
+    servo: ProbeServo,
     from_serial: Incoming,
     from_usb: Incoming,
 }
@@ -362,7 +407,7 @@ fn what_to_run(kept: &mut KeptSettings) -> Option<BoardSettings> {
 /// The fault of this board, if it has one.
 fn set_up_clocks(device: &pac::Peripherals) -> Option<Fault> {
     let wrong_clock = clocks::set_up(&device.RCC, &device.FLASH);
-    chip_fault(start::device_id(), CHIP_ID).or(wrong_clock)
+    chip_fault(start::device_id(), BOARD.chip_id).or(wrong_clock)
 }
 
 /// The fault of a run that the watchdog has ended, once; a heater's of before stays or goes by the kind of reset.
@@ -388,6 +433,25 @@ fn introduce(receiver: &mut Receiver, kept: &KeptSettings) {
     receiver.has_crashed(start::take_crash());
 }
 
+/// A hot end and a bed with the usual thermistors, if the settings contain no heaters.
+fn heaters(settings: Option<HeatConfiguration>) -> HeatConfiguration {
+    if BOARD.heaters.is_empty() {
+        return HeatConfiguration::none();
+    }
+    settings.unwrap_or_else(HeatConfiguration::standard)
+}
+
+/// Before the pins: the library that takes the pins of USB over resets their port.
+fn set_up_usb(device: pac::Peripherals) -> Option<UsbLine> {
+    #[cfg(feature = "octopus")]
+    return usb::set_up(device);
+    #[cfg(not(feature = "octopus"))]
+    {
+        drop(device);
+        Some(headway_firmware::board::NoLine)
+    }
+}
+
 fn run() -> Option<()> {
     runtime::paint_stack();
     let mut kept = KeptSettings::find()?;
@@ -405,14 +469,22 @@ fn run() -> Option<()> {
     let by_watchdog = watchdog_fault(&device.RCC);
     let wrong_board = set_up_clocks(&device);
     // Ports, the serial port, the multiplexer of the external interrupts.
-    clock_on(Bus::Ahb1, PORTS_CLOCK_MASK);
-    clock_on(Bus::Apb1, SERIAL_CLOCK_MASK);
+    clock_on(Bus::Ahb1, const { BOARD.ports_mask() });
+    clock_on(SERIAL.1, SERIAL.2);
     clock_on(Bus::Apb2, MULTIPLEXER_CLOCK_MASK);
-    let known = Known::of(wrong_board, name.is_some() || !MUST_BE_NAMED);
-    let map = wiring.map(&INPUTS).with_switches_of(&switches);
-    let parts = set_up_board(device, motors, map, &wiring, known)?;
+    let known = Known::of(wrong_board, name.is_some() || BOARD.names.is_empty());
+    let map = wiring.map(&BOARD.board_inputs());
+    let map = map.with_switches_of(&switches);
+    let usb = set_up_usb(device)?;
+    let pins = pins::set_up(motors, map, known);
+    let ports = DriverPorts::new(pins::PORTS);
+    let output = PortOutput::new(ports, motors, wiring.reversed_motors);
+    let thermistors = Thermistors::set_up();
+    let wires = wires::set_up();
+    let servo = ProbeServo::set_up(known);
     let serial = SerialLine::set_up();
-    emergency_input::set_up(input(map.emergency())?, map.is_open(map.emergency()));
+    let emergency = BOARD.input(map.emergency())?;
+    emergency_input::set_up(emergency, map.is_open(map.emergency()));
     let clocks = CORE_HZ.checked_div(configuration.step_hz)?;
     let board = Board {
         configuration: &configuration,
@@ -421,16 +493,16 @@ fn run() -> Option<()> {
     };
     // SAFETY: what these interrupts use is set up, or not looked at before it is.
     unsafe {
-        PINS.set(parts.pins);
+        PINS.set(pins);
         heat::set_up();
-        core.NVIC.set_priority(Interrupt::EXTI9_5, 0);
-        core.NVIC.set_priority(Interrupt::EXTI15_10, 0);
+        for stop in STOPS {
+            core.NVIC.set_priority(stop, 0);
+            NVIC::unmask(stop);
+        }
         core.NVIC.set_priority(SERIAL_INTERRUPT, SERIAL_PRIORITY);
-        NVIC::unmask(Interrupt::EXTI9_5);
-        NVIC::unmask(Interrupt::EXTI15_10);
         NVIC::unmask(SERIAL_INTERRUPT);
     }
-    let mut receiver = runtime::start(&board, parts.output, clocks, &mut core.SCB, &mut core.SYST)?;
+    let mut receiver = runtime::start(&board, output, clocks, &mut core.SCB, &mut core.SYST)?;
     let unnamed = (known == Known::Unnamed).then_some(UNNAMED);
     // A heater's fault is more informative than the hang of the board that it caused.
     let of_before = start::kept_fault().fault().or(by_watchdog);
@@ -439,7 +511,7 @@ fn run() -> Option<()> {
     }
     with_motion(|motion| motion.fit_probe_pin(wiring.pin()));
     introduce(&mut receiver, &kept);
-    let heat = HeatLoop::new(&configuration, &heaters(asked), parts.heat)?;
+    let heat = HeatLoop::new(&configuration, &heaters(asked), thermistors)?;
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
     // It is unknown what is connected to another board's pins.
@@ -447,7 +519,7 @@ fn run() -> Option<()> {
         Known::Foreign => DriversConfiguration::none(),
         Known::Unnamed | Known::Named => drivers,
     };
-    let drivers = DriverLoop::new(&drivers, configuration.servo_hz, parts.drivers);
+    let drivers = DriverLoop::new(&drivers, configuration.servo_hz, wires);
     let links = [0, 1].map(|line| Link::new(Conversation::new(&configuration, line)));
     // SAFETY: all that interrupts use is set.
     unsafe { cortex_m::interrupt::enable() }
@@ -456,17 +528,18 @@ fn run() -> Option<()> {
         drivers,
         kept,
         serial,
-        usb: parts.usb,
-        servo: parts.servo,
+        usb,
+        servo,
         from_serial: Incoming::new(),
         from_usb: Incoming::new(),
     };
     serve(receiver, links, around)
 }
 
-/// Called from the boards' entry points. It only ends if the built-in machine cannot be run, or the
-/// chip has no clock: nothing ever moves, and the watchdog restarts.
-pub fn main() -> ! {
+/// It only ends if the built-in machine cannot be run, or the chip has no clock: nothing ever moves, and the watchdog
+/// restarts.
+#[cortex_m_rt::entry]
+fn main() -> ! {
     run();
     stop()
 }

@@ -5,11 +5,12 @@
 //! Without the right crystal the core runs from the internal oscillator (1 %): good enough for the
 //! serial line, which reports why nothing moves.
 
-use crate::board::CRYSTAL_HZ;
+use crate::BOARD;
 use headway_firmware::board::{crystal_fault, crystal_hz};
 use headway_protocol::message::{Fault, FaultCause};
 use stm32f4xx_hal::pac::{FLASH, RCC};
 
+const CRYSTAL_HZ: u32 = BOARD.crystal_hz;
 /// What the PLL is fed with.
 const PLL_INPUT_HZ: u32 = 2_000_000;
 const _: () = assert!(

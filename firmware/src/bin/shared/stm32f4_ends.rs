@@ -3,9 +3,8 @@
 //! Handlers of the last resort, from ARM DDI 0403 (B1.5). Not covered: a servo that hangs, of which the watchdog's own
 //! fault tells.
 
-use super::{PINS, start};
-use crate::board::heaters_off;
-use crate::runtime;
+use super::pins::heaters_off;
+use super::{PINS, runtime, start};
 use cortex_m_rt::exception;
 use headway_firmware::board::BoardPins;
 use headway_protocol::message::{Crash, CrashCause};

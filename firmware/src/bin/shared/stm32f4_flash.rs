@@ -5,8 +5,9 @@
 //! nothing moves and no heater has a target. Bytes that arrive during that time are lost, and the host sends
 //! them again.
 
-use crate::board::{INPUTS, MOTORS, NAMES, SETTINGS_SECTORS, heaters_off};
-use crate::stm32f4::{heat, start};
+use super::pins::heaters_off;
+use super::{heat, start};
+use crate::BOARD;
 use headway_firmware::board::built_in::{built_for, kept_settings};
 use headway_firmware::board::sector_flash::{FlashBus, LOOKS_MAX, SectorFlash};
 use headway_firmware::line::{Conversation, Receiver};
@@ -55,15 +56,15 @@ impl KeptSettings {
     #[inline(never)]
     pub fn find() -> Option<Self> {
         let built_in = built_for()?.machine;
-        let flash = SectorFlash::new(Registers, SETTINGS_SECTORS, LOOKS_MAX);
+        let flash = SectorFlash::new(Registers, BOARD.settings_sectors, LOOKS_MAX);
         Some(Self {
             store: SettingsStore::new(flash).ok()?,
             limits: BoardLimits {
-                motors_max: MOTORS,
+                motors_max: BOARD.motors(),
                 servo_hz: built_in.servo_hz,
                 step_hz: built_in.step_hz,
-                inputs: INPUTS,
-                names: NAMES,
+                inputs: BOARD.board_inputs(),
+                names: BOARD.names,
             },
             hash: 0,
         })

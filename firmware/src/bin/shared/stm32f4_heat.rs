@@ -1,8 +1,8 @@
 //! Heaters of an STM32F4 board: the loop at 10 Hz in the main loop, the PWM in the servo interrupt.
 
-use crate::board::HeatPins;
-use crate::runtime::{Shared, with_motion};
-use crate::stm32f4::start;
+use super::converter::Thermistors;
+use super::runtime::{Shared, with_motion};
+use super::start;
 use headway_firmware::board::{BoardPins, HeatPort, KeptFault};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::heat::HeatConfiguration;
@@ -37,7 +37,7 @@ pub fn cut() {
 /// The main loop's part.
 pub struct HeatLoop {
     service: HeatService,
-    port: HeatPins,
+    port: Thermistors,
 }
 
 impl HeatLoop {
@@ -47,7 +47,7 @@ impl HeatLoop {
     pub fn new(
         machine: &MachineConfiguration,
         heat: &HeatConfiguration,
-        port: HeatPins,
+        port: Thermistors,
     ) -> Option<Self> {
         let mut service = with_motion(|motion| HeatService::new(machine, heat, motion))?;
         if let Some(fault) = start::kept_fault().fault() {

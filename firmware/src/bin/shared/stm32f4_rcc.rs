@@ -20,9 +20,9 @@ pub enum Bus {
     /// USB.
     #[cfg(feature = "octopus")]
     Ahb2 = 0x34,
-    /// USART 2 and 3, timer 4.
+    /// USART 2 and 3, timers 2 to 5.
     Apb1 = 0x40,
-    /// System configuration, timer 11, converter 3.
+    /// System configuration, timer 11, USART 1, converters.
     Apb2 = 0x44,
 }
 

@@ -4,9 +4,9 @@
 //! main loop. It is called where the core ignores that ([`without_masking`]), so that no step is
 //! delayed.
 
-use crate::runtime::without_masking;
-use crate::stm32f4::rcc::{Bus, clock_on};
-use crate::stm32f4::{CORE_HZ, start::usb_serial_number};
+use super::rcc::{Bus, clock_on};
+use super::runtime::without_masking;
+use super::{CORE_HZ, start::usb_serial_number};
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use stm32f4xx_hal::otg_fs::{USB, UsbBus};
 use stm32f4xx_hal::pac::Peripherals;

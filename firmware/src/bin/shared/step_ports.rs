@@ -1,7 +1,7 @@
-//! The drivers' ports of the BTT Octopus v1.1, written as fast as possible: a step is due every 5
-//! us. In the bench they are memory.
+//! The drivers' ports of an STM32F4, written as fast as possible: a step is due every 5 us. In the bench they are
+//! memory.
 
-use headway_firmware::board::octopus::{DIRECTION, STEP};
+use crate::BOARD;
 use headway_firmware::configuration::MOTORS_MAX;
 use headway_firmware::steps::output::{Pin, Ports};
 
@@ -9,7 +9,7 @@ use headway_firmware::steps::output::{Pin, Ports};
 pub const PORT_BYTES: usize = 0x400;
 /// Sets (low half) and resets (high half) pins of a port at once.
 pub const SET_RESET: usize = 0x18;
-/// Offset of the base from port A's registers: from here the step pins' ports (C to G) are all
+/// Offset of the base from port A's registers: from here the ports C to G are all
 /// within an instruction's reach, 255 bytes down and 4095 up.
 const BASE: usize = 2 * PORT_BYTES + SET_RESET + 4;
 
@@ -29,8 +29,8 @@ impl DriverPorts {
 }
 
 impl Ports for DriverPorts {
-    const STEP: [Pin; MOTORS_MAX] = STEP;
-    const DIRECTION: [Pin; MOTORS_MAX] = DIRECTION;
+    const STEP: [Pin; MOTORS_MAX] = BOARD.step();
+    const DIRECTION: [Pin; MOTORS_MAX] = BOARD.direction();
 
     #[inline(always)]
     fn write(&mut self, port: usize, word: u32) {

@@ -1,15 +1,13 @@
-//! Registers of the ports of the BTT Octopus v1.1, except for steps. The pin assignment is in
-//! `headway_firmware::board::octopus`.
+//! Registers of the ports of an STM32F4, except for steps. The pin assignment is the board's table.
 
-use crate::ports::{PORT_BYTES, SET_RESET};
-use crate::stm32f4::rcc::{Bus, clock_on};
-use crate::stm32f4::{CoreDelay, start};
+use super::rcc::{Bus, clock_on};
+use super::step_ports::{PORT_BYTES, SET_RESET};
+use super::{CoreDelay, start};
+use crate::BOARD;
 use embedded_hal::delay::DelayNs;
 use headway_firmware::board::input_map::InputMap;
-use headway_firmware::board::octopus::{
-    DIFFERS, DIRECTION, ENABLE, HEAT, OFF, PROBE, SENSORS, SERIAL, STEP, SUPPLY, SWITCHES,
-};
 use headway_firmware::board::{BoardPins, INPUTS_SETTLE_MS};
+use headway_firmware::configuration::MOTORS_MAX;
 use headway_firmware::configuration::board_name::Known;
 use headway_firmware::motion::inputs::Inputs;
 use headway_firmware::steps::output::Pin;
@@ -18,13 +16,21 @@ const MODE: usize = 0x00;
 const PULL: usize = 0x0c;
 const INPUT: usize = 0x10;
 const ALTERNATE: usize = 0x20;
-/// USART 2 among the functions of its pins.
+/// USART 1 to 3 among the functions of their pins.
 const SERIAL_FUNCTION: u32 = 7;
 
 /// Mode of a pin that a converter reads.
 const ANALOG: u32 = 3;
-/// Ports A, B, D and E, which switch heaters and fans.
-const HEAT_PORTS_CLOCK_MASK: u32 = 0b1_1011;
+/// Motors with the same enable pin as this one.
+const ENABLED_WITH: [u8; MOTORS_MAX] = {
+    let mut masks = [0; MOTORS_MAX];
+    let mut motor = 0;
+    while motor < BOARD.motors() {
+        masks[motor] = BOARD.enabled_with(motor);
+        motor += 1;
+    }
+    masks
+};
 
 /// Port A; the others follow.
 pub const PORTS: usize = 0x4002_0000;
@@ -82,12 +88,13 @@ pub fn alternate((port, number): Pin, function: u32) {
 }
 
 /// Switches, emergency input and enables, by ports.
-pub struct OctopusPins {
-    motors: usize,
+pub struct Pins {
+    /// Bits of the machine's motors.
+    motors: u8,
     map: InputMap,
 }
 
-impl BoardPins for OctopusPins {
+impl BoardPins for Pins {
     #[inline(always)]
     fn inputs(&mut self) -> Inputs {
         self.map.inputs(levels())
@@ -95,13 +102,15 @@ impl BoardPins for OctopusPins {
 
     #[inline(always)]
     fn hold(&mut self, motors: u8) {
-        enable(self.motors, motors);
+        enable(self.motors & motors);
     }
 
     #[inline(always)]
     fn put_heat(&mut self, levels: u8) {
-        for (channel, pin) in HEAT.into_iter().enumerate() {
-            put(pin, levels >> channel & 1 == 1);
+        for (channel, pin) in const { BOARD.channels() }.into_iter().enumerate() {
+            if let Some(pin) = pin {
+                put(pin, levels >> channel & 1 == 1);
+            }
         }
     }
 }
@@ -109,64 +118,69 @@ impl BoardPins for OctopusPins {
 /// Heaters and fans off: outputs go low. Pins that are not yet outputs stay inputs, as the board may be another
 /// one.
 pub fn heaters_off() {
-    clock_on(Bus::Ahb1, HEAT_PORTS_CLOCK_MASK);
-    for pin in OFF {
-        put(pin, false);
-    }
+    clock_on(Bus::Ahb1, const { BOARD.ports_mask() });
+    BOARD.off().for_each(|pin| put(pin, false));
 }
 
-/// The supply of heaters and motors, by PS-ON.
+/// The supply of heaters and motors, where the board can switch it.
 pub fn supply(on: bool) {
-    put(SUPPLY, on);
+    if let Some(pin) = BOARD.supply {
+        put(pin, on);
+    }
 }
 
 /// Sets every pin up, before any interrupt is on: all off, and no output where the board may be one that has
 /// something else there. Port clocks must run, and nothing may reset a port afterwards.
-pub fn set_up(motors: usize, map: InputMap, known: Known) -> OctopusPins {
-    let low = OFF.into_iter();
-    // A driver that is not used leaves its pins as they are: PA14 to the debugger.
-    let low = low.chain(STEP.into_iter().take(motors));
-    let low = low.chain(DIRECTION.into_iter().take(motors));
-    let supply = [(SUPPLY, !start::kept_fault().cuts_supply())];
-    let high = ENABLE.map(|pin| (pin, true)).into_iter().chain(supply);
-    for (pin, level) in low.map(|pin| (pin, false)).chain(high) {
+pub fn set_up(motors: usize, map: InputMap, known: Known) -> Pins {
+    // A driver that is not used leaves its pins as they are: they may be the debugger's.
+    let used = BOARD.drivers.iter().take(motors);
+    let steps = used.flat_map(|driver| [driver.step, driver.direction]);
+    let low = BOARD.off().chain(steps).map(|pin| (pin, false));
+    let supplied = !start::kept_fault().cuts_supply();
+    let supply = BOARD.supply.map(|pin| (pin, supplied));
+    let high = BOARD.drivers.iter().map(|driver| (driver.enable, true));
+    for (pin, level) in low.chain(high).chain(supply) {
         let is_ours = match known {
             Known::Foreign => false,
-            Known::Unnamed => !DIFFERS.contains(&pin),
+            Known::Unnamed => !BOARD.differs.contains(&pin),
             Known::Named => true,
         };
         if is_ours {
             output(pin, level);
         }
     }
-    for (pin, _) in SENSORS {
-        modify(pin.0, MODE, 2 * pin.1, 2, ANALOG);
+    for heater in BOARD.heaters {
+        let (port, number) = heater.sensor;
+        modify(port, MODE, 2 * number, 2, ANALOG);
     }
-    SWITCHES.into_iter().for_each(input);
-    input(PROBE);
-    for pin in SERIAL {
+    BOARD.inputs.iter().copied().for_each(input);
+    for pin in BOARD.serial.pins {
         // An input that floats hears noise.
         modify(pin.0, PULL, 2 * pin.1, 2, 1);
         alternate(pin, SERIAL_FUNCTION);
     }
     CoreDelay.delay_ms(INPUTS_SETTLE_MS);
-    OctopusPins { motors, map }
+    Pins {
+        motors: ((1u32 << motors.min(MOTORS_MAX)) - 1) as u8,
+        map,
+    }
 }
 
 /// Levels of the inputs, by number.
 #[inline(always)]
 fn levels() -> u16 {
     let mut high = 0;
-    for (number, pin) in SWITCHES.into_iter().chain([PROBE]).enumerate() {
-        high |= u16::from(is_high(pin)) << number;
+    for (number, pin) in BOARD.inputs.iter().enumerate() {
+        high |= u16::from(is_high(*pin)) << number;
     }
     high
 }
 
-/// Lets the drivers of the first `motors` motors hold where their bit says so, and all others go.
-fn enable(motors: usize, held: u8) {
-    for (motor, (port, number)) in ENABLE.into_iter().enumerate() {
-        let low = held >> motor & 1 == 1 && motor < motors;
+/// Lets the drivers of these motors hold, and all others go.
+fn enable(held: u8) {
+    for (driver, together) in BOARD.drivers.iter().zip(ENABLED_WITH) {
+        let (port, number) = driver.enable;
+        let low = held & together != 0;
         write(port, 1 << if low { number + 16 } else { number });
     }
 }

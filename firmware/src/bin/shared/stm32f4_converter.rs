@@ -1,16 +1,18 @@
-//! Converter 3 of the STM32F446, after RM0390 (chapter 13): the thermistors one after another, one conversion
+//! A converter of the STM32F4, after RM0390 (chapter 13): the thermistors one after another, one conversion
 //! at a time, started and read by the main loop, which never waits for it.
 
-use crate::pins;
-use crate::stm32f4::CoreDelay;
-use crate::stm32f4::rcc::{Bus, clock_on};
+use super::rcc::{Bus, clock_on};
+use super::{CoreDelay, pins};
+use crate::BOARD;
 use embedded_hal::delay::DelayNs;
 use headway_firmware::board::HeatPort;
-use headway_firmware::board::octopus::SENSORS;
+use headway_firmware::configuration::heat::HEATERS_MAX;
 
-/// Converter 3.
-const CLOCK: u32 = 1 << 10;
-const CONVERTER: usize = 0x4001_2200;
+/// From a converter to the next: by addresses, and by clocks.
+const CONVERTER_BYTES: usize = 0x100;
+const NUMBER: usize = BOARD.converter as usize - 1;
+const CLOCK: u32 = 1 << (8 + NUMBER);
+const CONVERTER: usize = 0x4001_2000 + NUMBER * CONVERTER_BYTES;
 const STATE: *mut u32 = CONVERTER as *mut u32;
 const CONTROL: *mut u32 = (CONVERTER + 0x08) as *mut u32;
 /// Sampling times of channels 10 to 18, and 0 to 9.
@@ -31,15 +33,29 @@ const WAKING_US: u32 = 10;
 const START: u32 = 1 << 30;
 const DONE: u32 = 1 << 1;
 
+/// The thermistors' channels.
+const CHANNELS: [u32; HEATERS_MAX] = {
+    let mut channels = [0; HEATERS_MAX];
+    let mut heater = 0;
+    while heater < BOARD.heaters.len() {
+        channels[heater] = BOARD.sensor_channel(heater);
+        heater += 1;
+    }
+    channels
+};
+
 /// Sensors and supply.
-pub struct OctopusHeat {
+pub struct Thermistors {
     /// Which one is being converted.
     sensor: usize,
 }
 
-impl OctopusHeat {
+impl Thermistors {
     /// Before interrupts are on.
     pub fn set_up() -> Self {
+        if BOARD.heaters.is_empty() {
+            return Self { sensor: 0 };
+        }
         clock_on(Bus::Apb2, CLOCK);
         // SAFETY: registers of this converter, which nothing else uses.
         unsafe {
@@ -56,7 +72,7 @@ impl OctopusHeat {
     }
 
     fn begin(&self) {
-        let channel = SENSORS.get(self.sensor).map_or(0, |(_, channel)| *channel);
+        let channel = CHANNELS.get(self.sensor).copied().unwrap_or(0);
         // SAFETY: as above.
         unsafe {
             SEQUENCE.write_volatile(channel);
@@ -65,8 +81,11 @@ impl OctopusHeat {
     }
 }
 
-impl HeatPort for OctopusHeat {
+impl HeatPort for Thermistors {
     fn poll(&mut self) -> Option<(usize, u16)> {
+        if BOARD.heaters.is_empty() {
+            return None;
+        }
         // SAFETY: as above; reading the data clears the flag.
         let raw = unsafe {
             if STATE.read_volatile() & DONE == 0 {
@@ -75,7 +94,7 @@ impl HeatPort for OctopusHeat {
             DATA.read_volatile() as u16
         };
         let sensor = self.sensor;
-        self.sensor = if sensor + 1 < SENSORS.len() {
+        self.sensor = if sensor + 1 < BOARD.heaters.len() {
             sensor + 1
         } else {
             0

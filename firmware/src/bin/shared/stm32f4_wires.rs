@@ -1,11 +1,10 @@
-//! Wires of the drivers' UARTs on the BTT Octopus, driven and read as pins, timed by the core's cycle
-//! counter. Only used from the main loop: nothing else changes pin modes once interrupts are on.
+//! Wires of the drivers' UARTs, driven and read as pins, timed by the core's cycle counter. Only used from the main
+//! loop: nothing else changes pin modes once interrupts are on.
 
-use crate::pins::{input, is_high, output};
-use crate::runtime;
-use crate::stm32f4::{CORE_HZ, CoreClock, start};
+use super::pins::{input, is_high, output};
+use super::{CORE_HZ, CoreClock, runtime, start};
+use crate::BOARD;
 use headway_firmware::board::gaps::BoardClock;
-use headway_firmware::board::octopus::UART;
 use headway_firmware::drivers::DriverPort;
 use headway_firmware::drivers::one_wire::{BitClock, OneWire, Wires};
 use headway_firmware::steps::output::Pin;
@@ -15,13 +14,13 @@ const FAST_BITS_S: u32 = 100_000;
 /// With interrupts on: the servo at rest takes a tenth of a bit.
 const SLOW_BITS_S: u32 = 10_000;
 
-pub struct OctopusWires;
+pub struct PinWires;
 
 fn pin(motor: usize) -> Option<Pin> {
-    UART.get(motor).copied()
+    BOARD.drivers.get(motor)?.wire
 }
 
-impl Wires for OctopusWires {
+impl Wires for PinWires {
     fn drive(&mut self, motor: usize, high: bool) {
         if let Some(pin) = pin(motor) {
             output(pin, high);
@@ -45,9 +44,9 @@ impl BitClock for CoreClock {
     }
 }
 
-pub struct OctopusDrivers(OneWire<OctopusWires, CoreClock>);
+pub struct DriverWires(OneWire<PinWires, CoreClock>);
 
-impl DriverPort for OctopusDrivers {
+impl DriverPort for DriverWires {
     fn exchange(&mut self, motor: usize, request: &[u8], reply: &mut [u8]) -> usize {
         // A datagram takes its time; before interrupts are on the watchdog is fed here.
         runtime::note_pass();
@@ -61,7 +60,8 @@ impl DriverPort for OctopusDrivers {
 }
 
 /// Wires let go: the boards' pull-ups are on, and those of the chip.
-pub fn set_up() -> OctopusDrivers {
-    UART.into_iter().for_each(input);
-    OctopusDrivers(OneWire::new(OctopusWires, CoreClock, CORE_HZ / FAST_BITS_S))
+pub fn set_up() -> DriverWires {
+    let wires = BOARD.drivers.iter().filter_map(|driver| driver.wire);
+    wires.for_each(input);
+    DriverWires(OneWire::new(PinWires, CoreClock, CORE_HZ / FAST_BITS_S))
 }

@@ -1,0 +1,75 @@
+//! A timer of the STM32F446, after RM0390 (chapter 18): pulses of the probe port's servo pin.
+//! The timer generates them by itself; the main loop changes their length.
+
+use super::pins;
+use super::rcc::{Bus, clock_on};
+use crate::BOARD;
+use headway_firmware::board::table::ServoPin;
+use headway_firmware::configuration::board_name::Known;
+use headway_firmware::motion::probe_pin::{PULSE_PERIOD_US, PulsePort};
+
+/// Timer 2; the others follow, by clocks and by addresses.
+const TIMER_2: usize = 0x4000_0000;
+const TIMER_BYTES: usize = 0x400;
+const CONTROL: usize = 0x00;
+const EVENT: usize = 0x14;
+/// Modes of channels 1 and 2, then of 3 and 4.
+const CHANNEL_MODE: usize = 0x18;
+const CHANNEL_ON: usize = 0x20;
+const PRESCALER: usize = 0x28;
+const RELOAD: usize = 0x2c;
+/// Of channel 1; the others follow.
+const COMPARE: usize = 0x34;
+/// Twice APB1's 42 MHz, by this and one: a microsecond.
+const BY_84: u32 = 84 - 1;
+/// PWM mode 1 of the first channel of a register; a new length takes effect at the period's end.
+const PWM: u32 = 0b110 << 4 | 1 << 3;
+const UPDATE: u32 = 1;
+/// Counting, the period buffered.
+const ON: u32 = 1 << 7 | 1;
+
+/// The servo pin, if the board has one.
+pub struct ProbeServo;
+
+fn register(servo: ServoPin, offset: usize) -> *mut u32 {
+    (TIMER_2 + (usize::from(servo.timer) - 2) * TIMER_BYTES + offset) as *mut u32
+}
+
+fn compare(servo: ServoPin) -> *mut u32 {
+    register(servo, COMPARE + 4 * (usize::from(servo.channel) - 1))
+}
+
+impl ProbeServo {
+    /// Before interrupts are on: low until a length is set; not on a foreign board.
+    pub fn set_up(known: Known) -> Self {
+        let Some(servo) = BOARD.servo else {
+            return Self;
+        };
+        let channel = u32::from(servo.channel) - 1;
+        clock_on(Bus::Apb1, 1 << (servo.timer - 2));
+        let modes = CHANNEL_MODE + if channel < 2 { 0 } else { 4 };
+        // SAFETY: registers of this timer, which nothing else uses.
+        unsafe {
+            register(servo, PRESCALER).write_volatile(BY_84);
+            register(servo, RELOAD).write_volatile(u32::from(PULSE_PERIOD_US) - 1);
+            compare(servo).write_volatile(0);
+            register(servo, modes).write_volatile(PWM << (8 * (channel % 2)));
+            register(servo, CHANNEL_ON).write_volatile(1 << (4 * channel));
+            register(servo, EVENT).write_volatile(UPDATE);
+            register(servo, CONTROL).write_volatile(ON);
+        }
+        if known != Known::Foreign {
+            pins::alternate(servo.pin, servo.function);
+        }
+        Self
+    }
+}
+
+impl PulsePort for ProbeServo {
+    fn put(&mut self, pulse_us: u16) {
+        if let Some(servo) = BOARD.servo {
+            // SAFETY: as above; it is taken over at the end of a period.
+            unsafe { compare(servo).write_volatile(pulse_us.into()) }
+        }
+    }
+}
