@@ -5,7 +5,7 @@
 
 use crate::machines::all;
 use arbitrary::Arbitrary;
-use headway_firmware::board::octopus::INPUTS;
+use headway_firmware::board::octopus;
 use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::configuration::drivers::DriversConfiguration;
 use headway_firmware::configuration::wiring::Wiring;
@@ -94,7 +94,7 @@ pub fn run(input: &Input) {
         motors_max: 8,
         servo_hz: settings.machine.servo_hz,
         step_hz: settings.machine.step_hz,
-        inputs: INPUTS,
+        inputs: octopus::BOARD.board_inputs(),
         names: &[BoardName::Octopus10],
     });
     home(&settings);

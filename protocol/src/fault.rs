@@ -151,7 +151,7 @@ impl core::fmt::Display for Fault {
                 ),
                 (3, _) => f.write_str(
                     "nothing tells which board it is, so nothing moves or heats: put board = \"octopus-1.1\" (or \
-                     octopus-1.0, as it is printed on it) at the top of the machine file, run `headway board \
+                     octopus-1.0, spider-1.1, spider-2.2, as it is printed on it) at the top of the machine file, run `headway board \
                      configure` and switch the board off and on",
                 ),
                 _ => f.write_str("the clock of the board's core does not lock"),

@@ -420,3 +420,7 @@ const fn channel(converter: u8, (port, number): Pin) -> Option<u32> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+#[path = "table_tests.rs"]
+mod tests;

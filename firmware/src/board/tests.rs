@@ -23,8 +23,8 @@ type Levels = Rc<RefCell<[u16; 8]>>;
 struct RecordedPorts(Levels);
 
 impl Ports for RecordedPorts {
-    const STEP: [Pin; MOTORS_MAX] = crate::board::octopus::STEP;
-    const DIRECTION: [Pin; MOTORS_MAX] = crate::board::octopus::DIRECTION;
+    const STEP: [Pin; MOTORS_MAX] = crate::board::octopus::BOARD.step();
+    const DIRECTION: [Pin; MOTORS_MAX] = crate::board::octopus::BOARD.direction();
 
     fn write(&mut self, port: usize, word: u32) {
         let mut levels = self.0.borrow_mut();

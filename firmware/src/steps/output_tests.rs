@@ -18,8 +18,8 @@ struct Recorder {
 }
 
 impl Ports for Recorder {
-    const STEP: [Pin; MOTORS_MAX] = octopus::STEP;
-    const DIRECTION: [Pin; MOTORS_MAX] = octopus::DIRECTION;
+    const STEP: [Pin; MOTORS_MAX] = octopus::BOARD.step();
+    const DIRECTION: [Pin; MOTORS_MAX] = octopus::BOARD.direction();
 
     fn write(&mut self, port: usize, word: u32) {
         let (set, reset) = (word as u16, (word >> 16) as u16);
@@ -65,7 +65,10 @@ fn pulses_last_to_the_next_tick_and_directions_lead_them_by_one() {
         let before = levels;
         levels[port] = levels[port] & !((word >> 16) as u16) | word as u16;
         for motor in 0..MOTORS_MAX {
-            let (step, direction) = (octopus::STEP[motor], octopus::DIRECTION[motor]);
+            let (step, direction) = (
+                octopus::BOARD.step()[motor],
+                octopus::BOARD.direction()[motor],
+            );
             match (level(&before, step), level(&levels, step)) {
                 (false, true) => {
                     // A whole tick, 5 us: drivers ask for 20 ns.
@@ -90,7 +93,10 @@ fn pulses_last_to_the_next_tick_and_directions_lead_them_by_one() {
 #[test]
 fn a_tick_ends_its_pulses_before_it_steps() {
     let words = play(MOTORS_MAX, 0);
-    let steps: u32 = octopus::STEP.iter().fold(0, |all, pin| all | 1 << pin.0);
+    let steps: u32 = octopus::BOARD
+        .step()
+        .iter()
+        .fold(0, |all, pin| all | 1 << pin.0);
     for tick in words.chunk_by(|a, b| a.0 == b.0) {
         let (lowered, rest) = tick.split_at(steps.count_ones() as usize);
         assert!(
@@ -100,7 +106,7 @@ fn a_tick_ends_its_pulses_before_it_steps() {
         );
         assert!(
             rest.iter()
-                .all(|word| steps >> word.1 & 1 == 1 || word.1 == octopus::DIRECTION[7].0)
+                .all(|word| steps >> word.1 & 1 == 1 || word.1 == octopus::BOARD.direction()[7].0)
         );
     }
 }
@@ -108,7 +114,7 @@ fn a_tick_ends_its_pulses_before_it_steps() {
 #[test]
 fn pins_of_motors_that_the_machine_has_not_are_left_alone() {
     let words = play(5, 0);
-    let (port, pin) = octopus::DIRECTION[7];
+    let (port, pin) = octopus::BOARD.direction()[7];
     let touched = |port: usize, pin: u32| {
         let mask = 1 << pin | 1 << (pin + 16);
         words
@@ -116,7 +122,7 @@ fn pins_of_motors_that_the_machine_has_not_are_left_alone() {
             .any(|word| word.1 == port && word.2 & mask != 0)
     };
     assert!(!touched(port, pin), "the debugger's pin");
-    let (port, pin) = octopus::DIRECTION[4];
+    let (port, pin) = octopus::BOARD.direction()[4];
     assert!(touched(port, pin));
 }
 
@@ -131,10 +137,10 @@ fn an_inverted_direction_is_the_other_level() {
         });
         set.collect()
     };
-    let second = levels(&plain, octopus::DIRECTION[1]);
-    let flipped = levels(&inverted, octopus::DIRECTION[1]);
+    let second = levels(&plain, octopus::BOARD.direction()[1]);
+    let flipped = levels(&inverted, octopus::BOARD.direction()[1]);
     assert!(second.len() > 1);
     assert!(second.iter().zip(&flipped).all(|(a, b)| a != b));
-    let first = levels(&plain, octopus::DIRECTION[0]);
-    assert_eq!(first, levels(&inverted, octopus::DIRECTION[0]));
+    let first = levels(&plain, octopus::BOARD.direction()[0]);
+    assert_eq!(first, levels(&inverted, octopus::BOARD.direction()[0]));
 }

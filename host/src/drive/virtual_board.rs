@@ -12,7 +12,7 @@ use crate::drive::transport::Listener;
 use crate::drive::virtual_drivers::VirtualDrivers;
 use crate::drive::virtual_heaters::VirtualHeaters;
 use crate::settings::probe::ProbeSettings;
-use headway_firmware::board::octopus::INPUTS;
+use headway_firmware::board::octopus;
 use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::configuration::drivers::DriversConfiguration;
 use headway_firmware::configuration::heat::HeatConfiguration;
@@ -243,7 +243,7 @@ impl VirtualBoard {
             motors_max: MOTORS_MAX,
             servo_hz: machine.servo_hz,
             step_hz: machine.step_hz,
-            inputs: INPUTS,
+            inputs: octopus::BOARD.board_inputs(),
             names: &BoardName::ALL,
         });
         self.store = Some(store);

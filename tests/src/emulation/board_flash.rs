@@ -44,8 +44,8 @@ impl NorFlash for Sectors {
     }
 }
 
-/// The Octopus's flash from the image's first byte on, with what is built in stored as settings that name the board.
-pub fn octopus_flash(elf: &Elf, name: BoardName) -> (u32, Vec<u8>) {
+/// A board's flash from the image's first byte on, with what is built in stored as settings that name the board.
+pub fn named_flash(elf: &Elf, name: BoardName) -> (u32, Vec<u8>) {
     let (first, mut image) = elf.image();
     let settings = headway_firmware::settings::BoardSettings {
         board: Some(name),

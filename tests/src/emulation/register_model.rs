@@ -23,35 +23,43 @@ const USB: u32 = 0x5000_0000;
 const BIT_BAND: u32 = 0x4200_0000;
 const BIT_BAND_END: u32 = 0x4400_0000;
 
-/// A peripheral: name, first address, bytes, the register with its clock, and which bit that is.
+/// A peripheral: name, first address, bytes, the register with its clock, and which bits are that.
 type Peripheral = (&'static str, u32, u32, Option<(u32, u32)>);
 
 /// All that a board's set-up may touch. The chip's own (RCC, flash, watchdog, external interrupts) have no clock to
 /// switch on.
-const PERIPHERALS: [Peripheral; 15] = [
+const PERIPHERALS: [Peripheral; 16] = [
     ("RCC", RCC, 0x400, None),
     ("flash controller", 0x4002_3c00, 0x400, None),
     ("watchdog", 0x4000_3000, 0x400, None),
     ("EXTI", 0x4001_3c00, 0x400, None),
-    ("timer 4", 0x4000_0800, 0x400, Some((CLOCKS[2], 2))),
-    ("USART 2", 0x4000_4400, 0x400, Some((CLOCKS[2], 17))),
-    ("USART 3", 0x4000_4800, 0x400, Some((CLOCKS[2], 18))),
-    ("converter 1", 0x4001_2000, 0x100, Some((CLOCKS[3], 8))),
-    ("converter 2", 0x4001_2100, 0x100, Some((CLOCKS[3], 9))),
-    ("converter 3", 0x4001_2200, 0x100, Some((CLOCKS[3], 10))),
-    ("SYSCFG", 0x4001_3800, 0x400, Some((CLOCKS[3], 14))),
-    ("timer 11", TIMER_11, 0x400, Some((CLOCKS[3], 18))),
-    // Common registers of the converters; this board uses the third.
-    ("converters", 0x4001_2300, 0x100, Some((CLOCKS[3], 10))),
-    ("USB", USB, 0x4_0000, Some((CLOCKS[1], 7))),
+    ("timer 4", 0x4000_0800, 0x400, Some((CLOCKS[2], 1 << 2))),
+    ("USART 1", 0x4001_1000, 0x400, Some((CLOCKS[3], 1 << 4))),
+    ("USART 2", 0x4000_4400, 0x400, Some((CLOCKS[2], 1 << 17))),
+    ("USART 3", 0x4000_4800, 0x400, Some((CLOCKS[2], 1 << 18))),
+    ("converter 1", 0x4001_2000, 0x100, Some((CLOCKS[3], 1 << 8))),
+    ("converter 2", 0x4001_2100, 0x100, Some((CLOCKS[3], 1 << 9))),
+    (
+        "converter 3",
+        0x4001_2200,
+        0x100,
+        Some((CLOCKS[3], 1 << 10)),
+    ),
+    ("SYSCFG", 0x4001_3800, 0x400, Some((CLOCKS[3], 1 << 14))),
+    ("timer 11", TIMER_11, 0x400, Some((CLOCKS[3], 1 << 18))),
+    // Common registers of the converters: the clock of any.
+    ("converters", 0x4001_2300, 0x100, Some((CLOCKS[3], 7 << 8))),
+    ("USB", USB, 0x4_0000, Some((CLOCKS[1], 1 << 7))),
     ("ports", PORT_A, PORTS * PORT_BYTES, None),
 ];
 /// What QEMU's own model of a chip answers.
-const ANSWERED_BY_QEMU: [&str; 7] = [
+const ANSWERED_BY_QEMU: [&str; 9] = [
     "EXTI",
     "timer 4",
+    "USART 1",
     "USART 2",
     "USART 3",
+    "converter 1",
     "converter 3",
     "converters",
     "SYSCFG",
@@ -118,16 +126,19 @@ impl RegisterModel {
         let port = (address.wrapping_sub(PORT_A)) / PORT_BYTES;
         let is_port = name == "ports";
         let clock = if is_port {
-            Some((CLOCKS[0], port))
+            Some((CLOCKS[0], 1 << port))
         } else {
             clock
         };
         self.used.insert(name);
-        let Some((register, bit)) = clock else { return };
+        let Some((register, bits)) = clock else {
+            return;
+        };
         let place = format!("{what} of {name} at {address:#010x}");
-        if self.get(register) >> bit & 1 == 0 {
+        let running = self.get(register) & bits;
+        if running == 0 {
             self.wrong.push(format!("{place} without its clock"));
-        } else if self.fresh.get(&register).copied().unwrap_or(0) >> bit & 1 == 1 {
+        } else if self.fresh.get(&register).copied().unwrap_or(0) & running == running {
             self.wrong.push(format!("{place} too soon after its clock"));
         }
         if is_port && self.get(PORTS_RESET) >> port & 1 == 1 {

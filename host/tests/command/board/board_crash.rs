@@ -7,7 +7,7 @@
 use crate::rig::{command, object, succeeded};
 use headway_firmware::configuration::board_name::BoardName;
 use headway_tests::elf::Elf;
-use headway_tests::emulation::board_flash::octopus_flash;
+use headway_tests::emulation::board_flash::named_flash;
 use headway_tests::emulation::board_image::{alone, build, skipped};
 use headway_tests::emulation::emulated_chip::{EmulatedChip, Start, with_chip_number};
 use std::time::Duration;
@@ -25,7 +25,7 @@ const STOPPING: Duration = Duration::from_millis(500);
 
 fn started(elf: &Elf) -> EmulatedChip {
     let folder = crate::rig::folder("board-crash");
-    let image = octopus_flash(elf, BoardName::Octopus11);
+    let image = named_flash(elf, BoardName::Octopus11);
     let mut chip = EmulatedChip::start(Start {
         flash: vec![
             build("boot_loader", "").image(),

@@ -5,10 +5,11 @@
 //! QEMU or the target is missing; `HEADWAY_DEMAND_EMULATOR=1` makes that a failure.
 #![cfg(unix)]
 
-use headway_firmware::board::octopus;
+use headway_firmware::board::table::BoardTable;
+use headway_firmware::board::{octopus, spider};
 use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::steps::output::Pin;
-use headway_tests::emulation::board_flash::octopus_flash;
+use headway_tests::emulation::board_flash::named_flash;
 use headway_tests::emulation::board_image::{alone, build, skipped};
 use headway_tests::emulation::emulated_chip::{EmulatedChip, Start, with_chip_number};
 use headway_tests::emulation::register_model::{PinState, RegisterModel};
@@ -20,13 +21,13 @@ const PULLED_UP: PinState = PinState::Input(1);
 /// Pins of the chip's debugger after a reset: 13 to 15 of port A, 3 and 4 of port B.
 const DEBUGGER: [Pin; 5] = [(0, 13), (0, 14), (0, 15), (1, 3), (1, 4)];
 
-/// The registers when the main loop of an Octopus begins.
-fn octopus_set_up(features: &str, name: Option<BoardName>) -> RegisterModel {
-    let elf = build("octopus", features);
-    let image = name.map_or_else(|| elf.image(), |name| octopus_flash(&elf, name));
+/// The registers when the main loop of a board begins.
+fn set_up(bin: &str, features: &str, name: Option<BoardName>) -> RegisterModel {
+    let elf = build(bin, features);
+    let image = name.map_or_else(|| elf.image(), |name| named_flash(&elf, name));
     let loader = build("boot_loader", "").image();
     let flash = vec![loader, with_chip_number(&elf, image)];
-    let name = format!("{features}-{name:?}");
+    let name = format!("{bin}-{features}-{name:?}");
     let folder = crate::rig::folder(&name);
     let mut chip = EmulatedChip::start(Start {
         flash,
@@ -56,23 +57,26 @@ fn assert_pins(model: &RegisterModel, meant: &BTreeMap<Pin, PinState>, name: &st
     }
 }
 
-/// What the Octopus's pins are meant to be before anything is asked of it.
-fn octopus_meant(has_usb: bool) -> BTreeMap<Pin, PinState> {
-    let low = octopus::OFF.into_iter();
-    let low = low.chain(octopus::STEP.into_iter().take(MOTORS));
-    let low = low.chain(octopus::DIRECTION.into_iter().take(MOTORS));
+/// What a board's pins are meant to be before anything is asked of it.
+fn meant(board: &BoardTable, has_usb: bool) -> BTreeMap<Pin, PinState> {
+    let motors = board.drivers.iter().take(MOTORS);
+    let low = motors.flat_map(|driver| [driver.step, driver.direction]);
+    let low = low.chain(board.off());
     // An enable is on while it is low; the supply is on while it is high.
-    let high = octopus::ENABLE.into_iter().chain([octopus::SUPPLY]);
-    let inputs = octopus::SWITCHES.into_iter().chain([octopus::PROBE]);
-    let inputs = inputs.chain(octopus::UART);
+    let high = board.drivers.iter().map(|driver| driver.enable);
+    let high = high.chain(board.supply);
+    let wires = board.drivers.iter().filter_map(|driver| driver.wire);
+    let inputs = board.inputs.iter().copied().chain(wires);
     let mut meant = BTreeMap::new();
     meant.extend(low.map(|pin| (pin, PinState::Output(false))));
     meant.extend(high.map(|pin| (pin, PinState::Output(true))));
     meant.extend(inputs.map(|pin| (pin, PULLED_UP)));
-    meant.extend(octopus::SENSORS.map(|(pin, _)| (pin, PinState::Analog)));
-    meant.extend(octopus::SERIAL.map(|pin| (pin, PinState::Alternate(7))));
-    let (servo, function) = octopus::PROBE_SERVO;
-    meant.insert(servo, PinState::Alternate(function));
+    let sensors = board.heaters.iter().map(|heater| heater.sensor);
+    meant.extend(sensors.map(|pin| (pin, PinState::Analog)));
+    meant.extend(board.serial.pins.map(|pin| (pin, PinState::Alternate(7))));
+    if let Some(servo) = board.servo {
+        meant.insert(servo.pin, PinState::Alternate(servo.function));
+    }
     if has_usb {
         // D- and D+.
         meant.extend([11, 12].map(|pin| ((0, pin), PinState::Alternate(10))));
@@ -125,8 +129,8 @@ fn every_pin_of_an_octopus_is_as_meant_when_its_set_up_is_over() {
     }
     let _alone = alone();
     for (features, has_usb) in [("octopus", true), ("octopus-serial", false)] {
-        let model = octopus_set_up(features, Some(BoardName::Octopus11));
-        assert_pins(&model, &octopus_meant(has_usb), features);
+        let model = set_up("octopus", features, Some(BoardName::Octopus11));
+        assert_pins(&model, &meant(&octopus::BOARD, has_usb), features);
         assert_eq!(model.used.contains("USB"), has_usb);
         for used in ["timer 4", "timer 11", "converter 3", "USART 2", "SYSCFG"] {
             assert!(model.used.contains(used), "{features}: {used}");
@@ -135,15 +139,40 @@ fn every_pin_of_an_octopus_is_as_meant_when_its_set_up_is_over() {
 }
 
 #[test]
+fn every_pin_of_a_spider_is_as_meant_when_its_set_up_is_over() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    for (bin, board) in [("spider", spider::BOARD_1), ("spider22", spider::BOARD_2)] {
+        let model = set_up(bin, "octopus", board.names.first().copied());
+        assert_pins(&model, &meant(&board, true), bin);
+        for used in ["USB", "timer 11", "converter 1", "USART 1", "SYSCFG"] {
+            assert!(model.used.contains(used), "{bin}: {used}");
+        }
+        // The other version's name is no name of it: as without.
+        let other = BoardName::Spider11 as usize + BoardName::Spider22 as usize;
+        let other = BoardName::ALL[other - board.names[0] as usize];
+        let model = set_up(bin, "octopus", Some(other));
+        assert_unnamed(&model, &board, bin);
+    }
+}
+
+/// Pins that another board has elsewhere are inputs.
+fn assert_unnamed(model: &RegisterModel, board: &BoardTable, name: &str) {
+    let mut meant = meant(board, true);
+    for pin in board.differs {
+        assert!(meant.remove(pin).is_some(), "{pin:?} has a use");
+    }
+    assert_pins(model, &meant, name);
+}
+
+#[test]
 fn pins_that_another_board_has_elsewhere_stay_inputs_until_the_board_is_named() {
     if skipped() {
         return;
     }
     let _alone = alone();
-    let model = octopus_set_up("octopus", None);
-    let mut meant = octopus_meant(true);
-    for pin in octopus::DIFFERS {
-        assert!(meant.remove(&pin).is_some(), "{pin:?} has a use");
-    }
-    assert_pins(&model, &meant, "unnamed");
+    let model = set_up("octopus", "octopus", None);
+    assert_unnamed(&model, &octopus::BOARD, "unnamed");
 }

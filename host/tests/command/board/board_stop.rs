@@ -6,11 +6,11 @@
 #![cfg(unix)]
 
 use crate::rig::{command, stderr};
-use headway_firmware::board::octopus;
+use headway_firmware::board::octopus::BOARD;
 use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::steps::output::Pin;
 use headway_tests::elf::Elf;
-use headway_tests::emulation::board_flash::octopus_flash;
+use headway_tests::emulation::board_flash::named_flash;
 use headway_tests::emulation::board_image::{alone, build, skipped};
 use headway_tests::emulation::debugger::At;
 use headway_tests::emulation::emulated_chip::{EmulatedChip, Start, Write, with_chip_number};
@@ -19,7 +19,9 @@ use std::time::Duration;
 
 const PORT_A: u32 = 0x4002_0000;
 const PORT_BYTES: u32 = 0x400;
-/// Levels of port B, with the emergency input.
+/// The emergency input.
+const PROBE: Pin = BOARD.inputs[8];
+/// Levels of port B, with it.
 const LEVELS_B: u32 = PORT_A + PORT_BYTES + 0x10;
 const WATCHDOG_KEY: u32 = 0x4000_3000;
 /// A busy machine takes its time.
@@ -63,7 +65,7 @@ fn after(number: usize, counts: impl Fn(&Write) -> bool) -> impl FnMut(&Write) -
 }
 
 fn is_step(write: &Write) -> bool {
-    sets(write, &octopus::STEP)
+    sets(write, &BOARD.step())
 }
 
 fn steps(writes: &[Write]) -> usize {
@@ -73,7 +75,7 @@ fn steps(writes: &[Write]) -> usize {
 /// An Octopus that jogs, and the command that has told it to.
 fn jogging(elf: &Elf, name: &str) -> (EmulatedChip, Child) {
     let folder = crate::rig::folder(name);
-    let image = octopus_flash(elf, BoardName::Octopus11);
+    let image = named_flash(elf, BoardName::Octopus11);
     let mut chip = EmulatedChip::start(Start {
         flash: vec![
             build("boot_loader", "").image(),
@@ -109,7 +111,7 @@ fn written_after_panic(elf: &Elf, name: &str, at: At) -> (Vec<Write>, Vec<Write>
     // It has ended by itself, or waits for the board.
     let _ = jog.kill();
     let _ = jog.wait();
-    let is_handler = |write: &Write| octopus::OFF.iter().any(|pin| clears(write, *pin));
+    let is_handler = |write: &Write| BOARD.off().any(|pin| clears(write, pin));
     let first = pending
         .iter()
         .position(is_handler)
@@ -138,7 +140,7 @@ fn panics(elf: &Elf, name: &str, at: At) {
     );
     assert!(later.len() < WRITES_MAX, "{name}: it goes on");
     assert_eq!(steps(&later), 0, "{name}");
-    for heater in octopus::OFF {
+    for heater in BOARD.off() {
         assert!(
             later.iter().any(|write| clears(write, heater)),
             "{name}: {heater:?} stays"
@@ -148,7 +150,7 @@ fn panics(elf: &Elf, name: &str, at: At) {
             "{name}: {heater:?}"
         );
     }
-    for enable in octopus::ENABLE {
+    for enable in BOARD.drivers.iter().map(|driver| driver.enable) {
         assert!(
             later.iter().any(|write| sets(write, &[enable])),
             "{name}: {enable:?} stays on"
@@ -196,7 +198,7 @@ fn a_press_of_the_emergency_input_stops_the_steps_and_a_spike_does_not() {
     let later = chip.writes_until(after(UNDER_WAY, is_step), PATIENCE);
     assert_eq!(steps(&later), UNDER_WAY, "a spike stops nothing");
     // Pressed for as long as the servo and its six looks read it, and once more.
-    chip.set_bits(LEVELS_B, 1 << octopus::PROBE.1, 14);
+    chip.set_bits(LEVELS_B, 1 << PROBE.1, 14);
     let output = jog.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(stderr(&output).contains("emergency"), "{}", stderr(&output));

@@ -9,11 +9,11 @@
 use crate::rig::{command, example, folder, headway, path, stderr, succeeded};
 use headway::drive::record::Step;
 use headway::drive::simulator::{Simulator, SimulatorSetup};
-use headway_firmware::board::octopus;
+use headway_firmware::board::octopus::BOARD;
 use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::steps::output::Pin;
 use headway_tests::elf::Elf;
-use headway_tests::emulation::board_flash::octopus_flash;
+use headway_tests::emulation::board_flash::named_flash;
 use headway_tests::emulation::board_image::{alone, build, skipped};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -33,7 +33,7 @@ const FEATURES: &str = "octopus-serial,prove-no-panic,emulated";
 /// The write that begins every step tick: the first of those that end pulses.
 const TICK: (usize, u32) = (2, 1 << (13 + 16));
 /// RX, which must not float.
-const RX: Pin = octopus::SERIAL[1];
+const RX: Pin = BOARD.serial.pins[1];
 
 /// Writes a binary's flash to a file; its first address.
 fn flash_file(elf: &Elf, file: &Path) -> u32 {
@@ -45,7 +45,7 @@ fn flash_file(elf: &Elf, file: &Path) -> u32 {
 /// Writes the board's flash to a file, with settings that name it; its first address.
 fn image_file(file: &Path) -> u32 {
     let elf = build("octopus", FEATURES);
-    let (address, image) = octopus_flash(&elf, BoardName::Octopus11);
+    let (address, image) = named_flash(&elf, BoardName::Octopus11);
     std::fs::write(file, image).expect("the folder is there");
     address
 }
@@ -112,9 +112,9 @@ impl Decoder {
         }
         let (set, reset) = (value & 0xffff, value >> 16);
         self.levels[port] = self.levels[port] & !reset | set;
-        for (motor, pin) in (0..).zip(octopus::STEP) {
+        for (motor, pin) in (0..).zip(BOARD.step()) {
             if pin.0 == port && set >> pin.1 & 1 == 1 {
-                let direction = octopus::DIRECTION[usize::from(motor)];
+                let direction = BOARD.direction()[usize::from(motor)];
                 self.steps.push(Step {
                     tick: self.ticks,
                     motor,
@@ -333,6 +333,8 @@ fn an_image_claims_no_flash_but_its_own() {
     for (bin, features, first, end) in [
         ("octopus", "octopus", IMAGE_FLASH, 0x0808_0000),
         ("octopus", "octopus-serial", IMAGE_FLASH, 0x0808_0000),
+        ("spider", "octopus", IMAGE_FLASH, 0x0808_0000),
+        ("spider22", "octopus", IMAGE_FLASH, 0x0808_0000),
         ("boot_loader", "", LOADER_FLASH, IMAGE_FLASH),
     ] {
         let elf = build(bin, features);
