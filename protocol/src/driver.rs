@@ -35,6 +35,10 @@ impl DriverFlags {
     pub const LOW_SUPPLY: u16 = 1 << 6;
     /// StealthChop is active.
     pub const STEALTH: u16 = 1 << 7;
+    /// A temperature among the flags, °C from -40 to 214: bits 8 to 15, which are 0 without one.
+    pub fn of_celsius(celsius: i16) -> u16 {
+        ((celsius.clamp(-40, 214) + 41) as u16) << 8
+    }
     /// Bits in order, by name.
     pub const NAMES: [&'static str; 8] = [
         "uart",
@@ -52,5 +56,11 @@ impl DriverStatus {
     /// Whether a bit of [`DriverFlags`] is set.
     pub const fn has(&self, flag: u16) -> bool {
         self.flags & flag != 0
+    }
+
+    /// Its temperature, °C, if it measures that.
+    pub fn celsius(&self) -> Option<i16> {
+        let steps = (self.flags >> 8) as i16;
+        (steps > 0).then_some(steps - 41)
     }
 }

@@ -63,7 +63,7 @@ pub enum FaultCause {
     FanStalled,
     /// The driver of motor `index` does not answer or cannot be set up; `value`: 0 silent, 1 noise, 0x100 +
     /// register: a write not accepted, 0x200 + register: reads back a different value, 0x300 + version:
-    /// another chip.
+    /// another chip, 0x400: cannot be set so, 0x500: no bus to it.
     DriverSilent,
     /// The driver of motor `index` has restarted: its settings were lost.
     DriverReset,
@@ -151,8 +151,8 @@ impl core::fmt::Display for Fault {
                 ),
                 (3, _) => f.write_str(
                     "nothing tells which board it is, so nothing moves or heats: put board = \"octopus-1.1\" (or \
-                     octopus-1.0, spider-1.1, spider-2.2, as it is printed on it) at the top of the machine file, run `headway board \
-                     configure` and switch the board off and on",
+                     octopus-1.0, spider-1.1, spider-2.2, as it is printed on it) at the top of the machine file, run \
+                     `headway board configure` and switch the board off and on",
                 ),
                 _ => f.write_str("the clock of the board's core does not lock"),
             },
@@ -209,6 +209,14 @@ impl core::fmt::Display for ColdHeater {
     }
 }
 
+/// Shorts in a DRV_STATUS, from bit 2 on.
+const SHORTS: [&str; 4] = [
+    "A to ground",
+    "B to ground",
+    "A to the supply",
+    "B to the supply",
+];
+
 /// A fault of a motor's driver.
 fn driver_fault(f: &mut core::fmt::Formatter<'_>, fault: &Fault) -> core::fmt::Result {
     let (index, value) = (fault.index, fault.value);
@@ -218,12 +226,27 @@ fn driver_fault(f: &mut core::fmt::Formatter<'_>, fault: &Fault) -> core::fmt::R
             f.write_str("has restarted (is its supply stable?); it is set up again")
         }
         (FaultCause::DriverHot, _) => write!(f, "has switched off for heat ({value:#010x})"),
-        (FaultCause::DriverShort, _) => write!(f, "has switched off for a short ({value:#010x})"),
+        (FaultCause::DriverShort, _) => {
+            f.write_str("has switched off for a short")?;
+            let shorts = (2..).zip(SHORTS);
+            for (_, coil) in shorts.filter(|(bit, _)| value >> bit & 1 == 1) {
+                write!(f, ", coil {coil}")?;
+            }
+            write!(f, " ({value:#010x})")
+        }
         (_, 1) => write!(f, "does not take register {:#04x}", value & 0xff),
         (_, 2) => write!(f, "reads register {:#04x} back otherwise", value & 0xff),
-        (_, 3) => write!(f, "is no TMC2209 (version {:#04x})", value & 0xff),
+        (_, 3) => write!(
+            f,
+            "is another chip than the machine file says: its version is {:#04x} (a TMC2209's 0x21, a TMC5160's 0x30, a \
+             TMC2240's 0x40)",
+            value & 0xff
+        ),
+        (_, 5) => f.write_str("has SPI, to which this board has no wires"),
         _ if value == 1 => f.write_str("answers with noise"),
-        _ => f.write_str("does not answer (is the motors' supply on, the jumper set for UART?)"),
+        _ => f.write_str(
+            "does not answer (is the motors' supply on, the jumper set for UART or SPI?)",
+        ),
     }
 }
 

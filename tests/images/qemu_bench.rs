@@ -36,6 +36,7 @@ mod bench {
     use core::sync::atomic::{AtomicU32, Ordering};
     use cortex_m_semihosting::{debug, hprintln, syscall};
     use headway_firmware::board::gaps::BoardClock;
+    use headway_firmware::board::table::DIRECTION;
     use headway_firmware::configuration::homing::HomingConfiguration;
     use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
     use headway_firmware::design::WEIGHED_KNOTS;
@@ -114,7 +115,7 @@ mod bench {
 
     /// True if direction pins were written since the last call: one port has no others.
     fn take_turned() -> bool {
-        let turned = port(crate::BOARD.direction()[7].0);
+        let turned = port(crate::BOARD.column(DIRECTION)[7].0);
         // SAFETY: as above.
         unsafe {
             let word = turned.read_volatile();

@@ -6,9 +6,7 @@
 //! lamp's.
 
 use crate::board::sector_flash::Sector;
-use crate::board::table::{
-    BoardTable, DriverPins, HeaterPins, SerialPins, ServoPin, Usart, pin, pins,
-};
+use crate::board::table::{BoardTable, pin, pins};
 use crate::configuration::board_name::BoardName;
 
 /// Sectors of the settings of a chip of 512 KiB: sector 3, between the vectors and the code (`build.rs`), and the last
@@ -32,16 +30,18 @@ pub const BOARD: BoardTable = BoardTable {
     crystal_hz: 12_000_000,
     settings_sectors: SETTINGS_SECTORS,
     drivers: &[
-        DriverPins::new("PF13", "PF12", "PF14", "PC4"),
-        DriverPins::new("PG0", "PG1", "PF15", "PD11"),
-        DriverPins::new("PF11", "PG3", "PG5", "PC6"),
-        DriverPins::new("PG4", "PC1", "PA0", "PC7"),
-        DriverPins::new("PF9", "PF10", "PG2", "PF2"),
-        DriverPins::new("PC13", "PF0", "PF1", "PE4"),
-        DriverPins::new("PE2", "PE3", "PD4", "PE1"),
+        pins(["PF13", "PF12", "PF14", "PC4"]),
+        pins(["PG0", "PG1", "PF15", "PD11"]),
+        pins(["PF11", "PG3", "PG5", "PC6"]),
+        pins(["PG4", "PC1", "PA0", "PC7"]),
+        pins(["PF9", "PF10", "PG2", "PF2"]),
+        pins(["PC13", "PF0", "PF1", "PE4"]),
+        pins(["PE2", "PE3", "PD4", "PE1"]),
         // PA14 is also SWCLK: with eight motors there is no debugger.
-        DriverPins::new("PE6", "PA14", "PE0", "PD3"),
+        pins(["PE6", "PA14", "PE0", "PD3"]),
     ],
+    // SPI 1, which the sockets share with EXP2.
+    bus: Some(pins(["PA5", "PA7", "PA6"])),
     // STOP_0 to STOP_7, and the signal pin of the probe port, which is the emergency input.
     inputs: &pins([
         "PG6", "PG9", "PG10", "PG11", "PG12", "PG13", "PG14", "PG15", "PB7",
@@ -49,9 +49,9 @@ pub const BOARD: BoardTable = BoardTable {
     emergency: 8,
     // HE0 with T0, the bed with TB, HE1 with T1.
     heaters: &[
-        HeaterPins::new("PA2", "PF4"),
-        HeaterPins::new("PA1", "PF3"),
-        HeaterPins::new("PA3", "PF5"),
+        pins(["PA2", "PF4"]),
+        pins(["PA1", "PF3"]),
+        pins(["PA3", "PF5"]),
     ],
     // FAN0 to FAN2.
     fans: &pins(["PA8", "PE5", "PD12"]),
@@ -61,17 +61,10 @@ pub const BOARD: BoardTable = BoardTable {
     // PS-ON.
     supply: Some(pin("PE11")),
     // The servo pin of the probe port (`control_pin` of a `[bltouch]`).
-    servo: Some(ServoPin {
-        pin: pin("PB6"),
-        function: 2,
-        timer: 4,
-        channel: 1,
-    }),
+    servo: Some((pin("PB6"), 2, 4, 1)),
     // The header for a single-board computer.
-    serial: SerialPins {
-        usart: Usart::Two,
-        pins: pins(["PD5", "PD6"]),
-    },
+    usart: 2,
+    serial: pins(["PD5", "PD6"]),
     differs: &pins(["PA0", "PA2", "PB10"]),
 };
 

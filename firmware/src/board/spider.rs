@@ -6,7 +6,7 @@
 //! published at two places, so there is none here.
 
 use crate::board::octopus::SETTINGS_SECTORS;
-use crate::board::table::{BoardTable, DriverPins, HeaterPins, SerialPins, Usart, pins};
+use crate::board::table::{BoardTable, pins};
 use crate::configuration::board_name::BoardName;
 
 /// Version 1.0 and 1.1.
@@ -18,23 +18,25 @@ pub const BOARD_1: BoardTable = BoardTable {
     settings_sectors: SETTINGS_SECTORS,
     // X, Y, Z, E0 to E4.
     drivers: &[
-        DriverPins::new("PE11", "PE10", "PE9", "PE7"),
-        DriverPins::new("PD8", "PB12", "PD9", "PE15"),
-        DriverPins::new("PD14", "PD13", "PD15", "PD10"),
-        DriverPins::new("PD5", "PD6", "PD4", "PD7"),
-        DriverPins::new("PE6", "PC13", "PE5", "PC14"),
-        DriverPins::new("PE2", "PE4", "PE3", "PC15"),
-        DriverPins::new("PD12", "PC4", "PE8", "PA15"),
-        DriverPins::new("PE1", "PE0", "PC5", "PD11"),
+        pins(["PE11", "PE10", "PE9", "PE7"]),
+        pins(["PD8", "PB12", "PD9", "PE15"]),
+        pins(["PD14", "PD13", "PD15", "PD10"]),
+        pins(["PD5", "PD6", "PD4", "PD7"]),
+        pins(["PE6", "PC13", "PE5", "PC14"]),
+        pins(["PE2", "PE4", "PE3", "PC15"]),
+        pins(["PD12", "PC4", "PE8", "PA15"]),
+        pins(["PE1", "PE0", "PC5", "PD11"]),
     ],
+    // SPI 4.
+    bus: Some(pins(["PE12", "PE14", "PE13"])),
     // X-, Y-, Z-, X+, Y+, and Z+, which is the probe's and the emergency input.
     inputs: &pins(["PB14", "PB13", "PA0", "PA1", "PA2", "PA3"]),
     emergency: 5,
     // E0 with TE0, the bed with TB, E1 with TE1.
     heaters: &[
-        HeaterPins::new("PB15", "PC0"),
-        HeaterPins::new("PB4", "PC3"),
-        HeaterPins::new("PC8", "PC1"),
+        pins(["PB15", "PC0"]),
+        pins(["PB4", "PC3"]),
+        pins(["PC8", "PC1"]),
     ],
     // FAN0 to FAN2.
     fans: &pins(["PB0", "PB1", "PB2"]),
@@ -44,10 +46,8 @@ pub const BOARD_1: BoardTable = BoardTable {
     supply: None,
     servo: None,
     // The header for a single-board computer.
-    serial: SerialPins {
-        usart: Usart::One,
-        pins: pins(["PA9", "PA10"]),
-    },
+    usart: 1,
+    serial: pins(["PA9", "PA10"]),
     differs: &pins(["PB0", "PB1"]),
 };
 
@@ -55,9 +55,9 @@ pub const BOARD_1: BoardTable = BoardTable {
 pub const BOARD_2: BoardTable = BoardTable {
     names: &[BoardName::Spider22],
     heaters: &[
-        HeaterPins::new("PB15", "PC0"),
-        HeaterPins::new("PB4", "PB0"),
-        HeaterPins::new("PC8", "PC1"),
+        pins(["PB15", "PC0"]),
+        pins(["PB4", "PB0"]),
+        pins(["PC8", "PC1"]),
     ],
     fans: &pins(["PA13", "PA14", "PB2"]),
     differs: &pins(["PA13", "PA14"]),

@@ -8,7 +8,7 @@
 use crate::board::sector_flash::Sector;
 use crate::configuration::MOTORS_MAX;
 use crate::configuration::board_name::BoardName;
-use crate::configuration::heat::HEATERS_MAX;
+use crate::configuration::heat::{HEATERS_MAX, HeatConfiguration};
 use crate::configuration::wiring::{BoardInputs, INPUTS_MAX};
 use crate::heat::pwm::CHANNELS;
 use crate::steps::output::{PORTS, Pin};
@@ -17,12 +17,21 @@ use crate::steps::output::{PORTS, Pin};
 const FANS_MAX: usize = CHANNELS - HEATERS_MAX;
 /// Pins of a port.
 const PORT_PINS: u32 = 16;
-/// Room for all pins of a table.
-const PINS_MAX: usize = PORTS * PORT_PINS as usize;
+/// Where a table may have nothing, by the name `""`.
+pub const NO_PIN: Pin = (PORTS, 0);
+/// Columns of [`BoardTable::drivers`].
+pub const STEP: usize = 0;
+/// As above.
+pub const DIRECTION: usize = 1;
+const ENABLE: usize = 2;
+const WIRE: usize = 3;
 
 /// A pin by its name, `"PA0"` to `"PH15"`; for constants, where another name is an error of the compiler's.
 pub const fn pin(name: &str) -> Pin {
     let bytes = name.as_bytes();
+    if bytes.is_empty() {
+        return NO_PIN;
+    }
     assert!(
         bytes.len() >= 3 && bytes.len() <= 4 && bytes[0] == b'P',
         "a pin is P, its port's letter and its number"
@@ -44,94 +53,13 @@ pub const fn pin(name: &str) -> Pin {
 
 /// Pins by their names.
 pub const fn pins<const N: usize>(names: [&str; N]) -> [Pin; N] {
-    let mut found = [(0, 0); N];
+    let mut found = [NO_PIN; N];
     let mut place = 0;
     while place < N {
         found[place] = pin(names[place]);
         place += 1;
     }
     found
-}
-
-/// A motor's driver.
-#[derive(Clone, Copy, Debug)]
-pub struct DriverPins {
-    /// A pulse is a step.
-    pub step: Pin,
-    /// High: towards larger positions.
-    pub direction: Pin,
-    /// Low = on. Several drivers may share it.
-    pub enable: Pin,
-    /// One-wire UART of a TMC2209, which is also the chip select of a driver with SPI.
-    pub wire: Option<Pin>,
-}
-
-impl DriverPins {
-    /// By their names; without a wire, `""`.
-    pub const fn new(step: &str, direction: &str, enable: &str, wire: &str) -> Self {
-        Self {
-            step: pin(step),
-            direction: pin(direction),
-            enable: pin(enable),
-            wire: if wire.is_empty() {
-                None
-            } else {
-                Some(pin(wire))
-            },
-        }
-    }
-}
-
-/// A heater with its thermistor, 4.7 kOhm to 3.3 V.
-#[derive(Clone, Copy, Debug)]
-pub struct HeaterPins {
-    /// High = heats.
-    pub output: Pin,
-    /// The converter's.
-    pub sensor: Pin,
-}
-
-impl HeaterPins {
-    /// By their names.
-    pub const fn new(output: &str, sensor: &str) -> Self {
-        Self {
-            output: pin(output),
-            sensor: pin(sensor),
-        }
-    }
-}
-
-/// Servo pulses of a probe's pin: a channel of a timer of 16 bits or more on APB1.
-#[derive(Clone, Copy, Debug)]
-pub struct ServoPin {
-    /// Where they come out.
-    pub pin: Pin,
-    /// The timer among the functions of the pin.
-    pub function: u32,
-    /// Timer, 2 to 5.
-    pub timer: u8,
-    /// Its channel, 1 to 4.
-    pub channel: u8,
-}
-
-/// A serial port of the chip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Usart {
-    /// On APB2.
-    One,
-    /// On APB1.
-    Two,
-    /// On APB1.
-    Three,
-}
-
-/// A serial line.
-#[derive(Clone, Copy, Debug)]
-pub struct SerialPins {
-    /// Of the chip.
-    pub usart: Usart,
-    /// TX and RX.
-    pub pins: [Pin; 2],
 }
 
 /// What a board has at its pins.
@@ -146,14 +74,17 @@ pub struct BoardTable {
     pub crystal_hz: u32,
     /// Sectors of the settings, without code.
     pub settings_sectors: [Sector; 2],
-    /// In the motors' order.
-    pub drivers: &'static [DriverPins],
+    /// By motors: step, direction (high towards larger positions), enable (low = on; several may share it), and the
+    /// one-wire UART of a TMC2209, which is also the chip select of a driver with SPI, or [`NO_PIN`].
+    pub drivers: &'static [[Pin; 4]],
+    /// SCK, MOSI and MISO for drivers with SPI; used only if settings have one.
+    pub bus: Option<[Pin; 3]>,
     /// Switches and probes by their number, pulled up: normally closed to ground, pressed = high.
     pub inputs: &'static [Pin],
     /// Which of them is the emergency input, unless settings name another one.
     pub emergency: u8,
-    /// Hot end, bed, second hot end.
-    pub heaters: &'static [HeaterPins],
+    /// Output (high = heats) and thermistor (4.7 kOhm to 3.3 V) of hot end, bed and second hot end.
+    pub heaters: &'static [[Pin; 2]],
     /// Of part, hot end and controller.
     pub fans: &'static [Pin],
     /// Which converter has all thermistors: 1 or 3.
@@ -162,58 +93,52 @@ pub struct BoardTable {
     pub held_low: &'static [Pin],
     /// High = the supply of heaters and motors is on.
     pub supply: Option<Pin>,
-    /// Servo pulses of a probe.
-    pub servo: Option<ServoPin>,
-    /// Line to the host, beside USB.
-    pub serial: SerialPins,
+    /// Servo pulses of a probe: the pin, the timer among its functions, which timer (2 to 5), and its channel (1 to 4).
+    pub servo: Option<(Pin, u32, u8, u8)>,
+    /// USART to the host, beside USB: 1 to 3.
+    pub usart: u8,
+    /// Its TX and RX.
+    pub serial: [Pin; 2],
     /// Outputs that are something else on a similar board: inputs until settings name this one.
     pub differs: &'static [Pin],
 }
 
 impl BoardTable {
-    /// Motors that it can drive.
-    pub const fn motors(&self) -> usize {
-        self.drivers.len()
-    }
-
-    /// Step pins. Motors without a driver have the last one's, and are never stepped.
-    pub const fn step(&self) -> [Pin; MOTORS_MAX] {
-        let mut found = [(0, 0); MOTORS_MAX];
-        let mut motor = 0;
-        while motor < MOTORS_MAX {
-            found[motor] = self.driver(motor).step;
-            motor += 1;
-        }
-        found
-    }
-
-    /// Direction pins, as the step pins.
-    pub const fn direction(&self) -> [Pin; MOTORS_MAX] {
-        let mut found = [(0, 0); MOTORS_MAX];
-        let mut motor = 0;
-        while motor < MOTORS_MAX {
-            found[motor] = self.driver(motor).direction;
-            motor += 1;
-        }
-        found
-    }
-
-    const fn driver(&self, motor: usize) -> DriverPins {
+    /// A column of the drivers' pins. Motors without a driver have the last one's, and are never stepped.
+    pub const fn column(&self, column: usize) -> [Pin; MOTORS_MAX] {
+        let mut found = [NO_PIN; MOTORS_MAX];
         let last = self.drivers.len() - 1;
-        self.drivers[if motor < last { motor } else { last }]
+        let mut motor = 0;
+        while motor < MOTORS_MAX {
+            found[motor] = self.drivers[if motor < last { motor } else { last }][column];
+            motor += 1;
+        }
+        found
     }
 
-    /// A bit for each motor whose driver the enable pin of this one switches.
-    pub const fn enabled_with(&self, motor: usize) -> u8 {
-        let mut mask = 0;
-        let mut other = 0;
-        while other < self.drivers.len() {
-            if same(self.drivers[other].enable, self.drivers[motor].enable) {
-                mask |= 1 << other;
+    /// The enable pins.
+    pub fn enables(&self) -> impl Iterator<Item = Pin> + use<> {
+        self.drivers.iter().map(|driver| driver[ENABLE])
+    }
+
+    /// The wire of a motor's driver, if there is one.
+    pub fn wire(&self, motor: usize) -> Option<Pin> {
+        let wire = self.drivers.get(motor)?[WIRE];
+        (wire != NO_PIN).then_some(wire)
+    }
+
+    /// Bits of the motors whose drivers each motor's enable pin switches.
+    pub const fn enabled_together(&self) -> [u8; MOTORS_MAX] {
+        let mut masks = [0; MOTORS_MAX];
+        let mut pair = 0;
+        while pair < self.drivers.len() * self.drivers.len() {
+            let (motor, other) = (pair / self.drivers.len(), pair % self.drivers.len());
+            if same(self.drivers[motor][ENABLE], self.drivers[other][ENABLE]) {
+                masks[motor] |= 1 << other;
             }
-            other += 1;
+            pair += 1;
         }
-        mask
+        masks
     }
 
     /// Inputs by number; any may be the emergency input.
@@ -225,18 +150,13 @@ impl BoardTable {
         }
     }
 
-    /// Pin of an input.
-    pub fn input(&self, number: u8) -> Option<Pin> {
-        self.inputs.get(usize::from(number)).copied()
-    }
-
     /// Channels of the PWM: three heaters, then the fans.
     pub const fn channels(&self) -> [Option<Pin>; CHANNELS] {
         let mut found = [None; CHANNELS];
         let mut place = 0;
         while place < CHANNELS {
             if place < self.heaters.len() {
-                found[place] = Some(self.heaters[place].output);
+                found[place] = Some(self.heaters[place][0]);
             } else if place >= HEATERS_MAX && place - HEATERS_MAX < self.fans.len() {
                 found[place] = Some(self.fans[place - HEATERS_MAX]);
             }
@@ -247,158 +167,124 @@ impl BoardTable {
 
     /// All heaters and fans: off until they are requested.
     pub fn off(&self) -> impl Iterator<Item = Pin> + use<> {
-        let heaters = self.heaters.iter().map(|heater| heater.output);
-        let others = self.fans.iter().chain(self.held_low).copied();
-        heaters.chain(others)
+        let heaters = self.heaters.iter().map(|[output, _]| *output);
+        heaters.chain(self.fans.iter().chain(self.held_low).copied())
     }
 
-    /// Channel of a heater's thermistor.
-    pub const fn sensor_channel(&self, heater: usize) -> u32 {
-        match channel(self.converter, self.heaters[heater].sensor) {
-            Some(channel) => channel,
-            None => panic!("the converter has no channel at this thermistor's pin"),
+    /// The thermistors' channels of the converter.
+    pub const fn sensor_channels(&self) -> [u32; HEATERS_MAX] {
+        let mut channels = [0; HEATERS_MAX];
+        let mut heater = 0;
+        while heater < self.heaters.len() {
+            channels[heater] = match channel(self.converter, self.heaters[heater][1]) {
+                Some(channel) => channel,
+                None => panic!("the converter has no channel at this thermistor's pin"),
+            };
+            heater += 1;
         }
+        channels
     }
 
-    /// Clocks of the ports that it uses, and of port A, which has USB.
+    /// Settings of the heaters: a hot end and a bed with the usual thermistors, if there are none.
+    pub fn heat(&self, settings: Option<HeatConfiguration>) -> HeatConfiguration {
+        if self.heaters.is_empty() {
+            return HeatConfiguration::none();
+        }
+        settings.unwrap_or_else(HeatConfiguration::standard)
+    }
+
+    /// Clocks of the ports that it uses.
     pub const fn ports_mask(&self) -> u32 {
-        let all = self.all();
-        let mut mask = 1;
-        let mut place = 0;
-        while place < all.count {
-            mask |= 1 << all.pins[place].0;
-            place += 1;
+        let used = self.used();
+        let mut mask = 0;
+        let mut port = 0;
+        while port < PORTS {
+            if used.0[port] != 0 {
+                mask |= 1 << port;
+            }
+            port += 1;
         }
         mask
     }
 
-    const fn all(&self) -> Found {
-        let mut all = Found::NONE;
+    /// Its pins, each used once. USB's are those of every board.
+    const fn used(&self) -> Used {
+        let mut used = Used([0; PORTS]).and(&pins(["PA11", "PA12"]));
+        let together = self.enabled_together();
         let mut motor = 0;
         while motor < self.drivers.len() {
-            let driver = self.drivers[motor];
-            all.add(driver.step);
-            all.add(driver.direction);
+            let [step, direction, enable, wire] = self.drivers[motor];
             // Enables may be shared.
-            if self.enabled_with(motor).trailing_zeros() == motor as u32 {
-                all.add(driver.enable);
-            }
-            all.add_some(driver.wire);
+            let is_first = together[motor].trailing_zeros() == motor as u32;
+            let enable = if is_first { enable } else { NO_PIN };
+            used = used.and(&[step, direction, enable, wire]);
             motor += 1;
         }
         let mut heater = 0;
         while heater < self.heaters.len() {
-            all.add(self.heaters[heater].output);
-            all.add(self.heaters[heater].sensor);
+            used = used.and(&self.heaters[heater]);
             heater += 1;
         }
-        all.add_all(self.inputs);
-        all.add_all(self.fans);
-        all.add_all(self.held_low);
-        all.add_all(&self.serial.pins);
-        all.add_some(self.supply);
-        if let Some(servo) = self.servo {
-            all.add(servo.pin);
+        used = used.and(self.inputs).and(self.fans).and(self.held_low);
+        if let Some(bus) = self.bus {
+            used = used.and(&bus);
         }
-        all
+        if let Some((servo, ..)) = self.servo {
+            used = used.and(&[servo]);
+        }
+        if let Some(supply) = self.supply {
+            used = used.and(&[supply]);
+        }
+        used.and(&self.serial)
     }
 
     /// Refuses a table that cannot be, when it is compiled: `const _: () = BOARD.check();`.
     pub const fn check(&self) {
+        let (drivers, inputs) = (self.drivers.len(), self.inputs.len());
+        assert!(drivers >= 1 && drivers <= MOTORS_MAX, "one driver to eight");
+        let emergency = self.emergency as usize;
         assert!(
-            !self.drivers.is_empty() && self.drivers.len() <= MOTORS_MAX,
-            "one driver to eight"
-        );
-        assert!(
-            (self.emergency as usize) < self.inputs.len()
-                && self.inputs.len() <= INPUTS_MAX as usize,
+            emergency < inputs && inputs <= INPUTS_MAX as usize,
             "16 inputs at most, one of them the emergency input"
         );
+        let (heaters, fans) = (self.heaters.len(), self.fans.len());
         assert!(
-            self.heaters.len() <= HEATERS_MAX && self.fans.len() <= FANS_MAX,
-            "three heaters and three fans at most"
+            heaters <= HEATERS_MAX && fans <= FANS_MAX && self.usart >= 1 && self.usart <= 3,
+            "three heaters, three fans, and USART 1 to 3 at most"
         );
-        let mut heater = 0;
-        while heater < self.heaters.len() {
-            self.sensor_channel(heater);
-            heater += 1;
-        }
-        if let Some(servo) = self.servo {
+        self.sensor_channels();
+        if let Some((_, _, timer, channel)) = self.servo {
             assert!(
-                servo.timer >= 2 && servo.timer <= 5 && servo.channel >= 1 && servo.channel <= 4,
+                timer >= 2 && timer <= 5 && channel >= 1 && channel <= 4,
                 "servo pulses come from timer 2 to 5, channel 1 to 4"
             );
         }
-        let all = self.all();
-        let mut place = 0;
-        while place < all.count {
-            // USB's, on every board.
-            assert!(
-                !same(all.pins[place], pin("PA11")) && !same(all.pins[place], pin("PA12")),
-                "PA11 and PA12 are those of USB"
-            );
-            let mut other = 0;
-            while other < place {
-                assert!(
-                    !same(all.pins[place], all.pins[other]),
-                    "a pin is used twice"
-                );
-                other += 1;
-            }
-            place += 1;
-        }
+        let used = self.used();
         let mut differs = 0;
         while differs < self.differs.len() {
-            assert!(
-                all.has(self.differs[differs]),
-                "a pin that differs has no use"
-            );
+            let (port, number) = self.differs[differs];
+            let has_use = used.0[port] >> number & 1 == 1;
+            assert!(has_use, "a pin that differs has no use");
             differs += 1;
         }
     }
 }
 
-/// Pins of a table, in constants.
-struct Found {
-    pins: [Pin; PINS_MAX],
-    count: usize,
-}
+/// Pins in use, a bit each by ports.
+struct Used([u16; PORTS]);
 
-impl Found {
-    const NONE: Self = Self {
-        pins: [(0, 0); PINS_MAX],
-        count: 0,
-    };
-
-    const fn add(&mut self, pin: Pin) {
-        assert!(self.count < PINS_MAX, "more pins than there are");
-        self.pins[self.count] = pin;
-        self.count += 1;
-    }
-
-    const fn add_some(&mut self, pin: Option<Pin>) {
-        if let Some(pin) = pin {
-            self.add(pin);
-        }
-    }
-
-    const fn add_all(&mut self, pins: &[Pin]) {
+impl Used {
+    const fn and(mut self, pins: &[Pin]) -> Self {
         let mut place = 0;
         while place < pins.len() {
-            self.add(pins[place]);
-            place += 1;
-        }
-    }
-
-    const fn has(&self, pin: Pin) -> bool {
-        let mut place = 0;
-        while place < self.count {
-            if same(self.pins[place], pin) {
-                return true;
+            let (port, number) = pins[place];
+            if port < PORTS {
+                assert!(self.0[port] >> number & 1 == 0, "a pin is used twice");
+                self.0[port] |= 1 << number;
             }
             place += 1;
         }
-        false
+        self
     }
 }
 
@@ -409,13 +295,10 @@ const fn same(a: Pin, b: Pin) -> bool {
 /// Channel of a pin at converter 1 or 3 (data sheets of the STM32F405 and F446, alternate functions of the pins).
 const fn channel(converter: u8, (port, number): Pin) -> Option<u32> {
     match (converter, port, number) {
-        (1 | 3, 0, 0..=3) => Some(number),
-        (1, 0, 4..=7) => Some(number),
+        (1 | 3, 0, 0..=3) | (1, 0, 4..=7) => Some(number),
         (1, 1, 0 | 1) => Some(8 + number),
-        (1 | 3, 2, 0..=3) => Some(10 + number),
-        (1, 2, 4 | 5) => Some(10 + number),
+        (1 | 3, 2, 0..=3) | (1, 2, 4 | 5) | (3, 5, 4 | 5) => Some(10 + number),
         (3, 5, 3) => Some(9),
-        (3, 5, 4 | 5) => Some(10 + number),
         (3, 5, 6..=10) => Some(number - 2),
         _ => None,
     }

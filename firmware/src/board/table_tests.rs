@@ -1,7 +1,7 @@
 //! Goal: the boards' tables are what their makers and other firmware publish, and a table that cannot be is refused.
 //! Method: pins written from the published files, role by role, against the tables; tables with one mistake each.
 
-use super::{BoardTable, DriverPins, HeaterPins, ServoPin, Usart, pin};
+use super::{BoardTable, DIRECTION, NO_PIN, STEP, pin, pins};
 use crate::board::{octopus, spider};
 use crate::steps::output::Pin;
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use std::vec::Vec;
 
 /// Klipper, `config/generic-bigtreetech-octopus-v1.1.cfg`: a line for each driver with `step_pin`, `dir_pin`,
 /// `enable_pin` and `uart_pin` (`cs_pin`), then `endstop_pin` and `switch_pin`, `[bltouch]`, heaters with sensors, fans;
-/// PS-ON from Marlin's `pins_BTT_OCTOPUS_V1_common.h`.
+/// PS-ON and SPI (`TMC_SW_SCK`, `_MOSI`, `_MISO`) from Marlin's `pins_BTT_OCTOPUS_V1_common.h`.
 const OCTOPUS: &str = "
     driver 0 PF13 PF12 PF14 PC4
     driver 1 PG0 PG1 PF15 PD11
@@ -22,6 +22,7 @@ const OCTOPUS: &str = "
     driver 5 PC13 PF0 PF1 PE4
     driver 6 PE2 PE3 PD4 PE1
     driver 7 PE6 PA14 PE0 PD3
+    spi PA5 PA7 PA6
     inputs PG6 PG9 PG10 PG11 PG12 PG13 PG14 PG15 PB7
     servo PB6
     heater 0 PA2 PF4
@@ -41,6 +42,7 @@ const SPIDER_1: &str = "
     driver 5 PE2 PE4 PE3 PC15
     driver 6 PD12 PC4 PE8 PA15
     driver 7 PE1 PE0 PC5 PD11
+    spi PE12 PE14 PE13
     inputs PB14 PB13 PA0 PA1 PA2 PA3
     heater 0 PB15 PC0
     heater 1 PB4 PC3
@@ -66,19 +68,14 @@ fn line(role: &str, pins: impl IntoIterator<Item = Pin>) -> String {
 
 /// A table as the published ones are written above.
 fn written(board: &BoardTable) -> Vec<String> {
-    let drivers = board.drivers.iter().enumerate().map(|(motor, driver)| {
-        let pins = [driver.step, driver.direction, driver.enable];
-        line(
-            &format!("driver {motor}"),
-            pins.into_iter().chain(driver.wire),
-        )
-    });
+    let drivers = board.drivers.iter().enumerate();
+    let drivers = drivers.map(|(motor, pins)| line(&format!("driver {motor}"), *pins));
     let heaters = board.heaters.iter().enumerate();
-    let heaters =
-        heaters.map(|(number, pins)| line(&format!("heater {number}"), [pins.output, pins.sensor]));
+    let heaters = heaters.map(|(number, pins)| line(&format!("heater {number}"), *pins));
     let mut lines: Vec<String> = drivers.collect();
+    lines.extend(board.bus.map(|bus| line("spi", bus)));
     lines.push(line("inputs", board.inputs.iter().copied()));
-    lines.extend(board.servo.map(|servo| line("servo", [servo.pin])));
+    lines.extend(board.servo.map(|servo| line("servo", [servo.0])));
     lines.extend(heaters);
     lines.push(line("fans", board.fans.iter().copied()));
     lines.push(line("held", board.held_low.iter().copied()));
@@ -103,18 +100,18 @@ fn tables_are_those_that_are_published() {
         assert_eq!(written(board), published);
     }
     // Their serial lines: the header of the Octopus for a Raspberry Pi, and Pi_PWR/UART of the Spider.
-    assert_eq!(line("", octopus::BOARD.serial.pins), " PD5 PD6");
-    assert_eq!(octopus::BOARD.serial.usart, Usart::Two);
-    assert_eq!(line("", spider::BOARD_1.serial.pins), " PA9 PA10");
-    assert_eq!(spider::BOARD_2.serial.usart, Usart::One);
+    let serial = |board: &BoardTable| (board.usart, line("", board.serial));
+    assert_eq!(serial(&octopus::BOARD), (2, " PD5 PD6".to_string()));
+    assert_eq!(serial(&spider::BOARD_1), (1, " PA9 PA10".to_string()));
+    assert_eq!(serial(&spider::BOARD_2), serial(&spider::BOARD_1));
 }
 
 /// Outputs with their roles, by pin.
 fn outputs(board: &BoardTable) -> BTreeMap<Pin, String> {
-    let enables = board.drivers.iter().enumerate();
-    let enables = enables.map(|(motor, driver)| (driver.enable, format!("enable {motor}")));
+    let enables = board.enables().enumerate();
+    let enables = enables.map(|(motor, pin)| (pin, format!("enable {motor}")));
     let heaters = board.heaters.iter().enumerate();
-    let heaters = heaters.map(|(number, heater)| (heater.output, format!("heater {number}")));
+    let heaters = heaters.map(|(number, [output, _])| (*output, format!("heater {number}")));
     let fans = board.fans.iter().enumerate();
     let fans = fans.map(|(number, pin)| (*pin, format!("fan {number}")));
     let held = board
@@ -174,14 +171,11 @@ fn all_that_heats_or_turns_is_off_at_first() {
 #[test]
 fn a_table_that_cannot_be_is_refused() {
     octopus::BOARD.check();
-    const CLASH: &[DriverPins] = &[DriverPins::new("PF13", "PF12", "PF14", "PA2")];
+    const CLASH: &[[Pin; 4]] = &[pins(["PF13", "PF12", "PF14", "PA2"])];
     const USB: &[Pin] = &[(0, 12)];
-    const NO_CHANNEL: &[HeaterPins] = &[HeaterPins::new("PA2", "PG4")];
+    const NO_CHANNEL: &[[Pin; 2]] = &[pins(["PA2", "PG4"])];
     const UNUSED: &[Pin] = &[(7, 0)];
-    let timer = ServoPin {
-        timer: 1,
-        ..octopus::BOARD.servo.expect("it has one")
-    };
+    let timer = (pin("PB6"), 2, 1, 1);
     let board = octopus::BOARD;
     let wrong = [
         (
@@ -198,7 +192,7 @@ fn a_table_that_cannot_be_is_refused() {
                 ..board
             },
         ),
-        ("those of USB", BoardTable { fans: USB, ..board }),
+        ("a pin is used twice", BoardTable { fans: USB, ..board }),
         (
             "no channel",
             BoardTable {
@@ -234,6 +228,7 @@ fn a_table_that_cannot_be_is_refused() {
                 ..board
             },
         ),
+        ("USART 1 to 3", BoardTable { usart: 4, ..board }),
         (
             "three fans",
             BoardTable {
@@ -247,7 +242,7 @@ fn a_table_that_cannot_be_is_refused() {
         let text = refused.downcast_ref::<&str>().expect("a text");
         assert!(text.contains(part), "{text}");
     }
-    for name in ["", "PA", "A13", "PA16", "PI1", "PA1x", "PA123"] {
+    for name in ["P", "PA", "A13", "PA16", "PI1", "PA1x", "PA123"] {
         assert!(catch_unwind(|| pin(name)).is_err(), "{name}");
     }
 }
@@ -255,10 +250,10 @@ fn a_table_that_cannot_be_is_refused() {
 /// One enable for several drivers is no clash, and holds all of them.
 #[test]
 fn drivers_may_share_an_enable() {
-    const SHARED: &[DriverPins] = &[
-        DriverPins::new("PF13", "PF12", "PF14", ""),
-        DriverPins::new("PG0", "PG1", "PF15", ""),
-        DriverPins::new("PF11", "PG3", "PF14", ""),
+    const SHARED: &[[Pin; 4]] = &[
+        pins(["PF13", "PF12", "PF14", ""]),
+        pins(["PG0", "PG1", "PF15", ""]),
+        pins(["PF11", "PG3", "PF14", ""]),
     ];
     let board = BoardTable {
         drivers: SHARED,
@@ -266,8 +261,13 @@ fn drivers_may_share_an_enable() {
         ..octopus::BOARD
     };
     board.check();
-    assert_eq!([0, 1, 2].map(|motor| board.enabled_with(motor)), [5, 2, 5]);
+    assert_eq!(board.enabled_together()[..4], [5, 2, 5, 0]);
     // Motors without a driver have the last one's pins.
-    assert_eq!(board.step()[2..], [pin("PF11"); 6]);
-    assert_eq!((board.motors(), board.board_inputs().count), (3, 9));
+    assert_eq!(board.column(STEP)[2..], [pin("PF11"); 6]);
+    assert_eq!(board.column(DIRECTION)[..2], pins(["PF12", "PG1"]));
+    assert_eq!(
+        (board.wire(0), board.wire(3), pin("")),
+        (None, None, NO_PIN)
+    );
+    assert_eq!((board.drivers.len(), board.board_inputs().count), (3, 9));
 }

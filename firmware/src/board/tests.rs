@@ -1,17 +1,12 @@
-//! Goal: the generic implementation drives every pin like the port-wide one, and trusts no state
-//! that it finds at a start. Method: mocks of `embedded-hal`, recorded levels, known crystals.
+//! Goal: port-wide writes drive every pin as writes one by one would, and a start trusts no state that it finds.
+//! Method: recorded levels, known crystals.
 
+use super::table::{DIRECTION, STEP};
 use super::*;
 use crate::configuration::MOTORS_MAX;
-use crate::configuration::wiring::{BoardInputs, Wiring};
-use crate::motion::inputs::Inputs;
 use crate::steps::output::{Pin, PortOutput, Ports, StepOutput};
 use core::convert::Infallible;
-use embedded_hal::digital::{ErrorType, OutputPin};
-use embedded_hal_mock::eh1::delay::{CheckedDelay, Transaction as Delay};
-use embedded_hal_mock::eh1::digital::{Mock as PinMock, State, Transaction as PinUse};
-use embedded_hal_mock::eh1::pwm::{Mock as PwmMock, Transaction as PwmUse};
-use headway_protocol::message::{DeviceState, Fault, FaultCause, PROBE_BIT};
+use headway_protocol::message::{Fault, FaultCause};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -23,8 +18,8 @@ type Levels = Rc<RefCell<[u16; 8]>>;
 struct RecordedPorts(Levels);
 
 impl Ports for RecordedPorts {
-    const STEP: [Pin; MOTORS_MAX] = crate::board::octopus::BOARD.step();
-    const DIRECTION: [Pin; MOTORS_MAX] = crate::board::octopus::BOARD.direction();
+    const STEP: [Pin; MOTORS_MAX] = crate::board::octopus::BOARD.column(STEP);
+    const DIRECTION: [Pin; MOTORS_MAX] = crate::board::octopus::BOARD.column(DIRECTION);
 
     fn write(&mut self, port: usize, word: u32) {
         let mut levels = self.0.borrow_mut();
@@ -32,21 +27,38 @@ impl Ports for RecordedPorts {
     }
 }
 
-struct RecordedPin(Levels, Pin);
-
-impl ErrorType for RecordedPin {
-    type Error = Infallible;
+/// The same, pin by pin.
+struct RecordedPins {
+    levels: Levels,
+    inverted: u8,
 }
 
-impl OutputPin for RecordedPin {
-    fn set_low(&mut self) -> Result<(), Infallible> {
-        self.0.borrow_mut()[self.1.0] &= !(1 << self.1.1);
-        Ok(())
+impl RecordedPins {
+    fn put(&mut self, (port, number): Pin, high: bool) {
+        let mut levels = self.levels.borrow_mut();
+        levels[port] = levels[port] & !(1 << number) | u16::from(high) << number;
+    }
+}
+
+impl StepOutput for RecordedPins {
+    fn end_pulses(&mut self) {
+        for pin in RecordedPorts::STEP {
+            self.put(pin, false);
+        }
     }
 
-    fn set_high(&mut self) -> Result<(), Infallible> {
-        self.0.borrow_mut()[self.1.0] |= 1 << self.1.1;
-        Ok(())
+    fn set_directions(&mut self, directions: u8) {
+        for (motor, pin) in RecordedPorts::DIRECTION.into_iter().enumerate() {
+            self.put(pin, (directions ^ self.inverted) >> motor & 1 == 1);
+        }
+    }
+
+    fn step(&mut self, _tick: u64, motors: u8) {
+        for (motor, pin) in RecordedPorts::STEP.into_iter().enumerate() {
+            if motors >> motor & 1 == 1 {
+                self.put(pin, true);
+            }
+        }
     }
 }
 
@@ -55,12 +67,12 @@ fn pins_one_by_one_have_the_levels_of_the_port_wide_writes() {
     let (by_port, by_pin) = (Levels::default(), Levels::default());
     let inverted = 0b0110_0101;
     let mut ports = PortOutput::new(RecordedPorts(by_port.clone()), MOTORS_MAX, inverted);
-    let pin = |pin| RecordedPin(by_pin.clone(), pin);
-    let mut pins = PinOutput::new(
-        RecordedPorts::STEP.map(pin),
-        RecordedPorts::DIRECTION.map(pin),
+    let mut pins = RecordedPins {
+        levels: by_pin.clone(),
         inverted,
-    );
+    };
+    pins.end_pulses();
+    pins.set_directions(0);
     ports.end_pulses();
     ports.set_directions(0);
     let mut random = 1u32;
@@ -83,93 +95,6 @@ fn pins_one_by_one_have_the_levels_of_the_port_wide_writes() {
     }
     let pins_seen: u32 = seen.iter().map(|port| port.count_ones()).sum();
     assert_eq!(pins_seen, 2 * MOTORS_MAX as u32, "every pin was high once");
-}
-
-#[test]
-fn a_step_is_one_pulse_and_a_direction_comes_before_it() {
-    let uses = |levels: &[State]| {
-        let uses: Vec<PinUse> = levels.iter().map(|level| PinUse::set(*level)).collect();
-        PinMock::new(&uses)
-    };
-    use State::{High, Low};
-    let mut steps = [uses(&[Low, Low, High, Low]), uses(&[Low, Low, Low])];
-    let mut directions = [uses(&[Low, High]), uses(&[High, Low])];
-    // The second motor turns the other way round.
-    let mut output = PinOutput::new(steps.clone(), directions.clone(), 0b10);
-    output.set_directions(0b11);
-    for signs in [1 << 31, 0] {
-        output.end_pulses();
-        output.begin_pulses_by_sign(0, &[signs, 0, 0, 0, 0, 0, 0, 0]);
-    }
-    steps.iter_mut().for_each(PinMock::done);
-    directions.iter_mut().for_each(PinMock::done);
-}
-
-#[test]
-fn inputs_settle_before_they_are_believed_and_broken_ones_count_as_pressed() {
-    let read = |state| PinUse::get(state);
-    let broken = PinUse::get(State::Low).with_error(embedded_hal_mock::eh1::MockError::Io(
-        std::io::ErrorKind::NotConnected,
-    ));
-    let mut switches = [
-        PinMock::new(&[read(State::Low)]),
-        PinMock::new(&[read(State::High)]),
-        PinMock::new(&[broken]),
-    ];
-    let mut emergency = PinMock::new(&[read(State::Low)]);
-    let mut enables = [PinMock::new(&[
-        PinUse::set(State::High),
-        PinUse::set(State::Low),
-    ])];
-    let mut delay = CheckedDelay::new(&[Delay::delay_ms(20)]);
-    let [x, y, z] = switches.clone();
-    let inputs = BoardInputs {
-        count: 4,
-        emergency: 3,
-        emergency_mask: 0b1000,
-    };
-    let mut pins = PinBoard::new(
-        [x, y, z, emergency.clone()],
-        Wiring::STANDARD.map(&inputs),
-        enables.clone(),
-        &mut delay,
-    );
-    // Z's switch is the probe as well.
-    let expected = Inputs {
-        switches: 0b110 | 1 << PROBE_BIT,
-        emergency: false,
-    };
-    assert_eq!(pins.inputs(), expected);
-    pins.hold(u8::MAX);
-    delay.done();
-    emergency.done();
-    switches.iter_mut().for_each(PinMock::done);
-    enables.iter_mut().for_each(PinMock::done);
-}
-
-#[test]
-fn the_lamp_tells_the_state_and_is_written_only_when_it_changes() {
-    let mut pwm = PwmMock::new(&[
-        PwmUse::set_duty_cycle(0),
-        PwmUse::max_duty_cycle(200),
-        PwmUse::set_duty_cycle(200),
-        PwmUse::max_duty_cycle(200),
-        PwmUse::set_duty_cycle(10),
-        PwmUse::max_duty_cycle(200),
-        PwmUse::set_duty_cycle(200),
-        PwmUse::max_duty_cycle(200),
-        PwmUse::set_duty_cycle(0),
-    ]);
-    let mut lamp = Lamp::new(pwm.clone());
-    for tick in 0..100 {
-        lamp.show(DeviceState::Running, tick);
-    }
-    lamp.show(DeviceState::Finished, 100);
-    // A blink: on for 512 ticks, then off.
-    for tick in 0..1024 {
-        lamp.show(DeviceState::Faulted, tick);
-    }
-    pwm.done();
 }
 
 /// A line with what has arrived, and room for so many bytes at once.

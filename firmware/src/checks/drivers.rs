@@ -2,8 +2,7 @@
 
 use crate::configuration::MachineConfiguration;
 use crate::configuration::drivers::{
-    ADDRESS_MAX, CURRENT_MAX_MA, DriverConfiguration, DriverItem, DriversConfiguration,
-    SENSE_RANGE_MOHM, WrongDriver,
+    ADDRESS_MAX, DriverConfiguration, DriverItem, DriversConfiguration, WrongDriver,
 };
 
 /// Steps of a machine file are measured and rounded: this share they may be off.
@@ -16,8 +15,14 @@ impl DriverConfiguration {
         let off = (steps - steps_per_unit).abs();
         let agrees = off <= STEPS_TOLERANCE * steps_per_unit;
         let power_of_two = self.microsteps.is_power_of_two() && self.microsteps <= 256;
-        let senses = SENSE_RANGE_MOHM.contains(&self.sense_mohm);
-        let runs = self.run_ma <= CURRENT_MAX_MA && self.current_scale().is_some();
+        let (_, _, [least, most, _], most_ma) = self.kind.numbers();
+        let senses = (least..=most).contains(&self.sense_mohm);
+        let fits = if self.kind.has_spi() {
+            self.spi_current().is_some()
+        } else {
+            self.current_scale().is_some()
+        };
+        let runs = fits && self.run_ma <= most_ma;
         let holds = self.hold_ma <= self.run_ma;
         let in_order = [
             (

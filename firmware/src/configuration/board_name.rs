@@ -4,6 +4,7 @@
 //! In: the name in a record of settings, and the results of the board's own checks. Out: which of its pins it may
 //! drive. Not covered: the pins themselves, which the board defines.
 
+use super::drivers::DriversConfiguration;
 use headway_protocol::message::{Fault, FaultCause};
 use serde::{Deserialize, Serialize};
 
@@ -70,6 +71,14 @@ impl Known {
             (Some(_), _) => Self::Foreign,
             (None, false) => Self::Unnamed,
             (None, true) => Self::Named,
+        }
+    }
+
+    /// The drivers that may be spoken to: it is unknown what is connected to another board's pins.
+    pub fn of_board(self, drivers: DriversConfiguration) -> DriversConfiguration {
+        match self {
+            Self::Foreign => DriversConfiguration::none(),
+            Self::Unnamed | Self::Named => drivers,
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use super::DriverPort;
 use super::datagram::{self, WRITE_BYTES};
-use super::registers::{GSTAT, IFCNT, IOIN, VERSION, settings};
+use super::registers::{DRV_STATUS, GSTAT, IFCNT, IOIN, settings};
 use crate::configuration::drivers::DriverConfiguration;
 
 /// Tries of a read or a write: at one bad datagram in ten, which is a broken wire, one in 10⁵ fails.
@@ -29,6 +29,19 @@ pub enum LinkError {
     Version(u8),
     /// It cannot be set so.
     Unfit,
+    /// The board has no bus to it.
+    NoBus,
+}
+
+/// What a driver tells of itself, in the bits of a TMC2209.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Readings {
+    /// GSTAT.
+    pub events: u32,
+    /// DRV_STATUS.
+    pub state: u32,
+    /// Its temperature, °C, if it measures that.
+    pub celsius: Option<i16>,
 }
 
 /// A driver's registers.
@@ -105,7 +118,7 @@ impl<'a, P: DriverPort> DriverLink<'a, P> {
     pub fn set_up(&mut self, driver: &DriverConfiguration) -> Result<(), LinkError> {
         let settings = settings(driver).ok_or(LinkError::Unfit)?;
         let [version, ..] = self.read(IOIN)?.to_be_bytes();
-        if version != VERSION {
+        if version != driver.kind.numbers().1 {
             return Err(LinkError::Version(version));
         }
         let mut taken = self.writes_taken()?;
@@ -120,5 +133,17 @@ impl<'a, P: DriverPort> DriverLink<'a, P> {
         // From here on a restart of the chip shows.
         self.write(GSTAT, ALL_EVENTS, taken)?;
         Ok(())
+    }
+
+    /// Its state.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn ask(&mut self) -> Result<Readings, LinkError> {
+        Ok(Readings {
+            events: self.read(GSTAT)?,
+            state: self.read(DRV_STATUS)?,
+            celsius: None,
+        })
     }
 }

@@ -28,8 +28,6 @@ pub const DRV_STATUS: u8 = 0x6f;
 /// StealthChop.
 pub const PWMCONF: u8 = 0x70;
 
-/// Of IOIN's top byte.
-pub const VERSION: u8 = 0x21;
 /// GSTAT: it has restarted, so that its settings are lost,
 pub const WAS_RESET: u32 = 1;
 /// it switched off for heat or a short,
@@ -42,8 +40,10 @@ pub const WARM: u32 = 1;
 pub const HOT: u32 = 1 << 1;
 /// shorts to ground and to the supply,
 pub const SHORTS: u32 = 0b1111 << 2;
-/// a coil that no current flows through.
+/// a coil that no current flows through,
 pub const OPEN_LOADS: u32 = 0b11 << 6;
+/// its motor stands still.
+pub const STANDS: u32 = 1 << 31;
 
 /// UART alone: the pin that is the wire does not switch it off, microsteps come from the register, and their
 /// filter is on.
@@ -55,8 +55,8 @@ const INTERPOLATES: u32 = 1 << 28;
 /// As the chip has it after its start: amplitude and slope find themselves.
 const PWM_DEFAULT: u32 = 0xc10d_0024;
 /// From run to hold in steps of 8 x 2^18 clocks each, after 0.44 s.
-const HOLD_DELAY: u32 = 8 << 16;
-const POWER_DOWN: u32 = 20;
+pub(super) const HOLD_DELAY: u32 = 8 << 16;
+pub(super) const POWER_DOWN: u32 = 20;
 /// Replies begin 8 bit times after the request, longer than a pin takes to change direction.
 const REPLY_DELAY: u32 = 2 << 8;
 

@@ -23,14 +23,6 @@ pub trait PulsePort {
     fn put(&mut self, pulse_us: u16);
 }
 
-/// For boards that have no such pin.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct NoPulse;
-
-impl PulsePort for NoPulse {
-    fn put(&mut self, _pulse_us: u16) {}
-}
-
 /// Length of the pulses, us.
 pub const fn pulse_us(position: PinPosition) -> u16 {
     match position {

@@ -14,8 +14,9 @@ pub mod store;
 #[cfg(test)]
 mod tests;
 
+use crate::configuration::MOTORS_MAX;
 use crate::configuration::board_name::BoardName;
-use crate::configuration::drivers::DriversConfiguration;
+use crate::configuration::drivers::{DriverKind, DriversConfiguration};
 use crate::configuration::flow_curves::FlowCurves;
 use crate::configuration::heat::{EXTRUDE_MIN_C, HEATERS_MAX, HeatConfiguration};
 use crate::configuration::homing::HomingConfiguration;
@@ -51,6 +52,8 @@ const MARKS: u8 = 9;
 const HOLD: u8 = 10;
 /// [`FlowCurves`], where there are any: without them too little would be laid.
 const CURVES: u8 = 11;
+/// Types of the drivers, where one is no TMC2209: another chip has another meaning for the same registers.
+const KINDS: u8 = 12;
 /// Lowest temperatures at which melt may move: a board without this guard reads the rest.
 const MELT: u8 = MAY_BE_SKIPPED | 7;
 /// A section with this bit may be left alone by a board that does not know it.
@@ -196,6 +199,9 @@ impl BoardSettings {
         if !self.drivers.is_none() {
             section(&mut record, DRIVERS, &self.drivers)?;
         }
+        if let Some(kinds) = self.drivers.kinds() {
+            section(&mut record, KINDS, &kinds)?;
+        }
         if self.wiring != Wiring::STANDARD {
             section(&mut record, WIRING, &self.wiring)?;
         }
@@ -229,7 +235,9 @@ impl BoardSettings {
         }
         let (mut machine, mut switches): (_, Option<HomingConfiguration>) = (None, None);
         let mut heaters: Option<HeatConfiguration> = None;
-        let (mut drivers, mut wiring, mut board, mut melt) = (None, None, None, None);
+        let (mut wiring, mut board, mut melt) = (None, None, None);
+        let mut drivers: Option<DriversConfiguration> = None;
+        let mut kinds: Option<[DriverKind; MOTORS_MAX]> = None;
         let mut motors: Option<MotorMatrix> = None;
         let mut curves: Option<FlowCurves> = None;
         let (mut marks, mut hold): (Option<u8>, Option<u8>) = (None, None);
@@ -249,6 +257,7 @@ impl BoardSettings {
                 CURVES => once(&mut curves, content, wrong)?,
                 MARKS => once(&mut marks, content, wrong)?,
                 HOLD => once(&mut hold, content, wrong)?,
+                KINDS => once(&mut kinds, content, wrong)?,
                 MELT => once(&mut melt, content, wrong)?,
                 _ if tag & MAY_BE_SKIPPED != 0 => {}
                 _ => return Err(wrong),
@@ -265,6 +274,12 @@ impl BoardSettings {
         if let (Some(heaters), Some(melt)) = (&mut heaters, melt) {
             set_melt(heaters, &melt);
         }
+        let mut drivers = drivers.unwrap_or_default();
+        if let Some(kinds) = kinds
+            && !drivers.set_kinds(&kinds)
+        {
+            return Err(refusal(SettingsProblem::Section, KINDS.into()));
+        }
         let mut switches = switches.unwrap_or_else(|| HomingConfiguration::standard(&machine));
         switches.marks = marks.unwrap_or_default();
         switches.hold = hold.unwrap_or_default();
@@ -272,7 +287,7 @@ impl BoardSettings {
             switches,
             machine,
             heaters,
-            drivers: drivers.unwrap_or_default(),
+            drivers,
             wiring: wiring.unwrap_or_default(),
             board,
         };

@@ -7,7 +7,7 @@ use super::store::{SLOT_BYTES_MIN, SettingsStore, StoreError};
 use super::*;
 use crate::board::built_in::{built_in_planar, emulated_planar};
 use crate::configuration::board_name::BoardName;
-use crate::configuration::drivers::{Chopper, DriverConfiguration};
+use crate::configuration::drivers::{Chopper, DriverConfiguration, DriverKind};
 use crate::configuration::shaping::ShaperKind;
 use crate::machine::Machine;
 use embedded_storage::nor_flash::{
@@ -454,6 +454,7 @@ fn driver() -> DriverConfiguration {
         full_steps_per_unit: 5.0,
         chopper: Chopper::Stealth,
         spread_below_clocks: 0,
+        kind: DriverKind::Tmc2209,
     }
 }
 
@@ -498,6 +499,40 @@ fn drivers_come_back_and_their_wrong_numbers_are_told() {
         ..refusal(SettingsProblem::Driver, 5)
     };
     assert_eq!(right.encode(), Err(refused), "the machine has five motors");
+}
+
+#[test]
+fn types_of_drivers_come_back_and_are_no_part_of_records_without_one() {
+    let mut right = settings(built_in_planar());
+    right.drivers.drivers.push(None).unwrap();
+    right.drivers.drivers.push(Some(driver())).unwrap();
+    let section_of = |record: &[u8]| record.windows(3).any(|head| head == [KINDS, 8, 0]);
+    assert!(
+        !section_of(&right.encode().unwrap()),
+        "an older board reads it"
+    );
+    for (kind, run_ma, sense_mohm) in [
+        (DriverKind::Tmc5160, 3000, 75),
+        (DriverKind::Tmc2240, 2100, 12_000),
+    ] {
+        let other = right.drivers.drivers[1].as_mut().unwrap();
+        (other.kind, other.run_ma, other.sense_mohm) = (kind, run_ma, sense_mohm);
+        let record = right.encode().unwrap();
+        assert!(section_of(&record));
+        assert_eq!(BoardSettings::decode(&record).unwrap(), right);
+        let mut wrong = right.clone();
+        wrong.drivers.drivers[1].as_mut().unwrap().sense_mohm = 19;
+        let refused = wrong.encode().map_err(|error| (error.index, error.item));
+        assert_eq!(refused, Err((1, 2)), "{kind:?}");
+        let mut wrong = right.clone();
+        wrong.drivers.drivers[1].as_mut().unwrap().run_ma = 3100;
+        let refused = wrong.encode().map_err(|error| (error.index, error.item));
+        assert_eq!(refused, Err((1, 3)), "{kind:?}");
+    }
+    // A type for a motor without a driver.
+    let mut kinds = DriversConfiguration::none();
+    kinds.drivers.push(None).unwrap();
+    assert!(!kinds.set_kinds(&[DriverKind::Tmc2240; MOTORS_MAX]));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! every word, and pulses and directions are read off the pins' levels.
 use super::*;
 use crate::board::octopus;
+use crate::board::table::{DIRECTION, STEP};
 use crate::steps::{STEP as ONE_STEP, StepPlayer, StepProgrammer};
 use std::vec::Vec;
 
@@ -18,8 +19,8 @@ struct Recorder {
 }
 
 impl Ports for Recorder {
-    const STEP: [Pin; MOTORS_MAX] = octopus::BOARD.step();
-    const DIRECTION: [Pin; MOTORS_MAX] = octopus::BOARD.direction();
+    const STEP: [Pin; MOTORS_MAX] = octopus::BOARD.column(STEP);
+    const DIRECTION: [Pin; MOTORS_MAX] = octopus::BOARD.column(DIRECTION);
 
     fn write(&mut self, port: usize, word: u32) {
         let (set, reset) = (word as u16, (word >> 16) as u16);
@@ -66,8 +67,8 @@ fn pulses_last_to_the_next_tick_and_directions_lead_them_by_one() {
         levels[port] = levels[port] & !((word >> 16) as u16) | word as u16;
         for motor in 0..MOTORS_MAX {
             let (step, direction) = (
-                octopus::BOARD.step()[motor],
-                octopus::BOARD.direction()[motor],
+                octopus::BOARD.column(STEP)[motor],
+                octopus::BOARD.column(DIRECTION)[motor],
             );
             match (level(&before, step), level(&levels, step)) {
                 (false, true) => {
@@ -94,7 +95,7 @@ fn pulses_last_to_the_next_tick_and_directions_lead_them_by_one() {
 fn a_tick_ends_its_pulses_before_it_steps() {
     let words = play(MOTORS_MAX, 0);
     let steps: u32 = octopus::BOARD
-        .step()
+        .column(STEP)
         .iter()
         .fold(0, |all, pin| all | 1 << pin.0);
     for tick in words.chunk_by(|a, b| a.0 == b.0) {
@@ -104,17 +105,16 @@ fn a_tick_ends_its_pulses_before_it_steps() {
                 .iter()
                 .all(|word| word.2 as u16 == 0 && steps >> word.1 & 1 == 1)
         );
-        assert!(
-            rest.iter()
-                .all(|word| steps >> word.1 & 1 == 1 || word.1 == octopus::BOARD.direction()[7].0)
-        );
+        assert!(rest.iter().all(
+            |word| steps >> word.1 & 1 == 1 || word.1 == octopus::BOARD.column(DIRECTION)[7].0
+        ));
     }
 }
 
 #[test]
 fn pins_of_motors_that_the_machine_has_not_are_left_alone() {
     let words = play(5, 0);
-    let (port, pin) = octopus::BOARD.direction()[7];
+    let (port, pin) = octopus::BOARD.column(DIRECTION)[7];
     let touched = |port: usize, pin: u32| {
         let mask = 1 << pin | 1 << (pin + 16);
         words
@@ -122,7 +122,7 @@ fn pins_of_motors_that_the_machine_has_not_are_left_alone() {
             .any(|word| word.1 == port && word.2 & mask != 0)
     };
     assert!(!touched(port, pin), "the debugger's pin");
-    let (port, pin) = octopus::BOARD.direction()[4];
+    let (port, pin) = octopus::BOARD.column(DIRECTION)[4];
     assert!(touched(port, pin));
 }
 
@@ -137,10 +137,13 @@ fn an_inverted_direction_is_the_other_level() {
         });
         set.collect()
     };
-    let second = levels(&plain, octopus::BOARD.direction()[1]);
-    let flipped = levels(&inverted, octopus::BOARD.direction()[1]);
+    let second = levels(&plain, octopus::BOARD.column(DIRECTION)[1]);
+    let flipped = levels(&inverted, octopus::BOARD.column(DIRECTION)[1]);
     assert!(second.len() > 1);
     assert!(second.iter().zip(&flipped).all(|(a, b)| a != b));
-    let first = levels(&plain, octopus::BOARD.direction()[0]);
-    assert_eq!(first, levels(&inverted, octopus::BOARD.direction()[0]));
+    let first = levels(&plain, octopus::BOARD.column(DIRECTION)[0]);
+    assert_eq!(
+        first,
+        levels(&inverted, octopus::BOARD.column(DIRECTION)[0])
+    );
 }

@@ -39,6 +39,7 @@ pub mod transport;
 pub mod virtual_board;
 pub mod virtual_drivers;
 pub mod virtual_heaters;
+pub mod virtual_spi_driver;
 
 #[cfg(test)]
 mod cut_tests;

@@ -5,9 +5,10 @@
 //! without code of the firmware; the checksum is that of the `crc` crate. The virtual board uses it, and in the
 //! tests a wire simulated by its levels. Not covered: currents and motors.
 
+use crate::drive::virtual_spi_driver::VirtualSpiDriver;
 use crc::{Algorithm, Crc};
 use headway_firmware::configuration::drivers::{DriverConfiguration, DriversConfiguration};
-use headway_firmware::drivers::DriverPort;
+use headway_firmware::drivers::{DATAGRAM_BYTES, DriverPort};
 use std::collections::BTreeMap;
 
 /// x⁸ + x² + x + 1, each byte's lowest bit first, result not reflected.
@@ -122,20 +123,27 @@ impl VirtualDriver {
     }
 }
 
-/// Drivers by motor, on wires without fault.
+/// Drivers by motor, those with UART and those with SPI, on wires without fault.
 #[derive(Clone, Debug, Default)]
-pub struct VirtualDrivers(pub Vec<Option<VirtualDriver>>);
+pub struct VirtualDrivers(
+    pub Vec<Option<VirtualDriver>>,
+    pub Vec<Option<VirtualSpiDriver>>,
+);
 
 impl VirtualDrivers {
     /// One for each that is set up.
     pub fn of(configuration: &DriversConfiguration) -> Self {
-        let drivers = configuration.drivers.iter();
-        let one = |driver: &Option<DriverConfiguration>| {
-            driver
-                .as_ref()
-                .map(|driver| VirtualDriver::new(driver.address))
-        };
-        Self(drivers.map(one).collect())
+        let drivers = || configuration.drivers.iter().copied();
+        let uart = |driver: DriverConfiguration| VirtualDriver::new(driver.address);
+        let spi = |driver: DriverConfiguration| VirtualSpiDriver::new(driver.kind);
+        Self(
+            drivers()
+                .map(|one| one.filter(|driver| !driver.kind.has_spi()).map(uart))
+                .collect(),
+            drivers()
+                .map(|one| one.filter(|driver| driver.kind.has_spi()).map(spi))
+                .collect(),
+        )
     }
 }
 
@@ -150,5 +158,19 @@ impl DriverPort for VirtualDrivers {
         let length = reply.len().min(answer.len());
         reply[..length].copy_from_slice(&answer[..length]);
         length
+    }
+
+    fn transfer(
+        &mut self,
+        motor: usize,
+        request: &[u8; DATAGRAM_BYTES],
+        reply: &mut [u8; DATAGRAM_BYTES],
+    ) -> bool {
+        // A bus without a chip that is selected is pulled up.
+        *reply = match self.1.get_mut(motor) {
+            Some(Some(driver)) => driver.transfer(request),
+            _ => [0xff; DATAGRAM_BYTES],
+        };
+        true
     }
 }

@@ -3,7 +3,9 @@
 use super::check::joint_names;
 use crate::text::refusal::{Refusal, refusal};
 use crate::text::short_number::Short;
-use headway_firmware::configuration::drivers::{DriverItem, DriversConfiguration, run_range_ma};
+use headway_firmware::configuration::drivers::{
+    DriverItem, DriverKind, DriversConfiguration, run_range_ma,
+};
 use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
 use headway_protocol::message::SettingsProblem;
 use headway_protocol::settings::items;
@@ -38,13 +40,16 @@ pub(super) fn copy_name(joint: &str, number: usize) -> Option<&'static str> {
 }
 
 /// What would fit.
-fn remedy(item: DriverItem, sense_mohm: u16) -> String {
+fn remedy(item: DriverItem, kind: DriverKind, sense: u16) -> String {
+    let (_, _, [least, most, usual], _) = kind.numbers();
+    let is_reference = kind == DriverKind::Tmc2240;
+    let unit = if is_reference { "Ω" } else { "mΩ" };
     match item {
         DriverItem::Address => "a node address is 0 to 3, and 0 where each driver has a wire",
-        DriverItem::Sense => "sense resistors have 50 to 500 mΩ, usually 110",
+        DriverItem::Sense => return format!("{least} to {most} {unit}, usually {usual}"),
         DriverItem::Run => {
-            let [least, most] = run_range_ma(sense_mohm);
-            return format!("a sense resistor of {sense_mohm} mΩ gives {least} to {most}");
+            let [least, most] = run_range_ma(kind, sense);
+            return format!("a resistor of {sense} {unit} gives {least} to {most}");
         }
         DriverItem::Hold => "at most run_ma",
         DriverItem::Microsteps => "a power of two from 1 to 256",
@@ -63,14 +68,15 @@ pub(super) fn check_drivers(
     drivers.check(machine).map_err(|wrong| {
         let names = motor_names(machine);
         let driver = drivers.drivers.get(wrong.motor).copied().flatten();
-        let sense_mohm = driver.map_or(0, |driver| driver.sense_mohm);
+        let (kind, sense) =
+            driver.map_or_else(Default::default, |driver| (driver.kind, driver.sense_mohm));
         let place = usize::from(wrong.item.number()).saturating_sub(1);
         refusal!(
             "drivers.{}: {} is {}; {}",
             names.get(wrong.motor).unwrap_or(&"?"),
             items(SettingsProblem::Driver).get(place).unwrap_or(&"?"),
             Short(wrong.value),
-            remedy(wrong.item, sense_mohm)
+            remedy(wrong.item, kind, sense)
         )
     })
 }

@@ -2,6 +2,7 @@
 //! memory.
 
 use crate::BOARD;
+use headway_firmware::board::table::{DIRECTION, STEP};
 use headway_firmware::configuration::MOTORS_MAX;
 use headway_firmware::steps::output::{Pin, Ports};
 
@@ -29,8 +30,8 @@ impl DriverPorts {
 }
 
 impl Ports for DriverPorts {
-    const STEP: [Pin; MOTORS_MAX] = BOARD.step();
-    const DIRECTION: [Pin; MOTORS_MAX] = BOARD.direction();
+    const STEP: [Pin; MOTORS_MAX] = BOARD.column(STEP);
+    const DIRECTION: [Pin; MOTORS_MAX] = BOARD.column(DIRECTION);
 
     #[inline(always)]
     fn write(&mut self, port: usize, word: u32) {

@@ -15,8 +15,8 @@ use defmt_rtt as _;
 mod clocks;
 #[path = "stm32f4_converter.rs"]
 mod converter;
-#[path = "stm32f4_drivers.rs"]
-mod drivers;
+#[path = "stm32f4_emergency.rs"]
+mod emergency_input;
 #[path = "stm32f4_ends.rs"]
 mod ends;
 #[path = "stm32f4_flash.rs"]
@@ -38,6 +38,13 @@ mod step_ports;
 #[cfg(feature = "octopus")]
 #[path = "stm32f4_usb.rs"]
 mod usb;
+#[cfg(not(feature = "octopus"))]
+mod usb {
+    pub type UsbLine = headway_firmware::board::NoLine;
+    pub fn set_up(_: super::pac::Peripherals) -> Option<UsbLine> {
+        Some(headway_firmware::board::NoLine)
+    }
+}
 #[path = "stm32f4_wires.rs"]
 mod wires;
 
@@ -47,23 +54,19 @@ use converter::Thermistors;
 use core::convert::Infallible;
 use cortex_m::peripheral::{DWT, NVIC, Peripherals};
 use cortex_m_rt::exception;
-use drivers::DriverLoop;
 use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 pub use ends::stop;
 use flash::KeptSettings;
 use headway_firmware::board::built_in::built_for;
 use headway_firmware::board::gaps::BoardClock;
-use headway_firmware::board::table::Usart;
 use headway_firmware::board::{BoardPins, ByteRing, Incoming, chip_fault, fetch, send};
 use headway_firmware::configuration::board_name::{Known, UNNAMED};
-use headway_firmware::configuration::drivers::DriversConfiguration;
-use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_firmware::design::WEIGHED_KNOTS;
 use headway_firmware::line::measurement::Measurement;
 use headway_firmware::line::{Conversation, Receiver};
 use headway_firmware::machine::round::{Controller, Link, Surroundings, round};
-use headway_firmware::motion::inputs::{EMERGENCY_LOOK_NS, Inputs, is_held};
+use headway_firmware::motion::inputs::Inputs;
 use headway_firmware::motion::probe_pin::PulsePort;
 use headway_firmware::settings::BoardSettings;
 use headway_firmware::steps::output::PortOutput;
@@ -75,6 +78,8 @@ use runtime::{Board, Locked, Shared, with_motion};
 use servo::ProbeServo;
 use step_ports::DriverPorts;
 use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
+use usb::UsbLine;
+use wires::DriverLoop;
 
 /// System configuration, which has the multiplexer of the external interrupts.
 const MULTIPLEXER_CLOCK_MASK: u32 = 1 << 14;
@@ -89,10 +94,6 @@ const USB_LINE: usize = 1;
 const _: () = BOARD.check();
 
 type Output = PortOutput<DriverPorts>;
-#[cfg(feature = "octopus")]
-use usb::UsbLine;
-#[cfg(not(feature = "octopus"))]
-type UsbLine = headway_firmware::board::NoLine;
 
 /// The servo interrupt's.
 static PINS: Shared<Pins> = Shared::empty();
@@ -134,103 +135,30 @@ const STOPS: [Interrupt; 7] = [
     Interrupt::EXTI15_10,
 ];
 
-macro_rules! stop_interrupts {
-    ($($line:ident),*) => {
+macro_rules! interrupts {
+    ($work:expr; $($name:ident),*) => {
         $(#[interrupt]
-        fn $line() {
-            runtime::stop_interrupt(emergency_input::take());
+        fn $name() {
+            $work
         })*
     };
 }
-stop_interrupts!(EXTI0, EXTI1, EXTI2, EXTI3, EXTI4, EXTI9_5, EXTI15_10);
+interrupts!(runtime::stop_interrupt(emergency_input::take()); EXTI0, EXTI1, EXTI2, EXTI3, EXTI4, EXTI9_5, EXTI15_10);
+interrupts!(SerialLine::interrupt(); USART1, USART2, USART3);
 
 /// Asks for the stop interrupt.
 pub fn pend_stop() {
     NVIC::pend(Interrupt::EXTI9_5);
 }
 
-mod emergency_input {
-    //! An edge of one line of the external interrupts, and the input's level. The chip latches the edge
-    //! until it is handled; every servo tick reads the level. Either counts if the input stays pressed for some
-    //! microseconds.
-    use super::{CoreDelay, DelayNs, EMERGENCY_LOOK_NS, is_held};
-    use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
-    use headway_firmware::steps::output::Pin;
-
-    /// Levels of port A, and from a port to the next.
-    const LEVELS: usize = 0x4002_0010;
-    const PORT_BYTES: usize = 0x400;
-
-    /// Ports in the multiplexer, four lines to a register.
-    const MULTIPLEXER: *mut u32 = 0x4001_3808 as *mut u32;
-    const MASK: *mut u32 = 0x4001_3c00 as *mut u32;
-    const RISING: *mut u32 = 0x4001_3c08 as *mut u32;
-    const FALLING: *mut u32 = 0x4001_3c0c as *mut u32;
-    const PENDING: *mut u32 = 0x4001_3c14 as *mut u32;
-    /// Bit of the line.
-    static LINE: AtomicU32 = AtomicU32::new(0);
-    /// Levels of its port, and the bits that differ from them where it is pressed.
-    static PORT: AtomicPtr<u32> = AtomicPtr::new(LEVELS as *mut u32);
-    static RELEASED: AtomicU32 = AtomicU32::new(0);
-
-    /// `falls`: it is normally open, so that it stops by going low.
-    pub fn set_up((port, line): Pin, falls: bool) {
-        let bit = 1u32 << (line & 15);
-        let shift = line % 4 * 4;
-        let edge = if falls { FALLING } else { RISING };
-        // SAFETY: registers of this line only, one of 16, before its interrupt is on.
-        unsafe {
-            let multiplexer = MULTIPLEXER.add((line & 15) as usize / 4);
-            let others = multiplexer.read_volatile() & !(0xf << shift);
-            multiplexer.write_volatile(others | (port as u32) << shift);
-            edge.write_volatile(edge.read_volatile() | bit);
-            MASK.write_volatile(MASK.read_volatile() | bit);
-            // Writing a one clears the flag.
-            PENDING.write_volatile(bit);
-        }
-        let levels = LEVELS + port * PORT_BYTES;
-        PORT.store(levels as *mut u32, Ordering::Relaxed);
-        RELEASED.store(if falls { bit } else { 0 }, Ordering::Relaxed);
-        LINE.store(bit, Ordering::Relaxed);
-    }
-
-    /// True if there was an edge since the last call, and the input is pressed now. An edge during the check is
-    /// returned by the next call.
-    pub fn take() -> bool {
-        let bit = LINE.load(Ordering::Relaxed);
-        // SAFETY: as above; a one clears this line's flag alone.
-        let edge = unsafe {
-            let edge = PENDING.read_volatile() & bit != 0;
-            PENDING.write_volatile(bit);
-            edge
-        };
-        edge && is_pressed()
-    }
-
-    /// True if it is pressed during the complete check.
-    #[cold]
-    pub fn is_pressed() -> bool {
-        let (bit, released) = (
-            LINE.load(Ordering::Relaxed),
-            RELEASED.load(Ordering::Relaxed),
-        );
-        let levels = PORT.load(Ordering::Relaxed);
-        is_held(|| {
-            CoreDelay.delay_ns(EMERGENCY_LOOK_NS);
-            // SAFETY: reading the levels of a port has no effect.
-            unsafe { levels.read_volatile() & bit != released }
-        })
-    }
-}
-
 /// A USART at 1 Mbaud: received bytes go into a ring, sent ones straight out.
 pub struct SerialLine;
 
 /// Its registers, its clock, its interrupt, and the clock of its bus.
-const SERIAL: (usize, Bus, u32, Interrupt, u32) = match BOARD.serial.usart {
-    Usart::One => (0x4001_1000, Bus::Apb2, 1 << 4, Interrupt::USART1, 84),
-    Usart::Two => (0x4000_4400, Bus::Apb1, 1 << 17, Interrupt::USART2, 42),
-    Usart::Three => (0x4000_4800, Bus::Apb1, 1 << 18, Interrupt::USART3, 42),
+const SERIAL: (usize, Bus, u32, Interrupt, u32) = match BOARD.usart {
+    1 => (0x4001_1000, Bus::Apb2, 1 << 4, Interrupt::USART1, 84),
+    2 => (0x4000_4400, Bus::Apb1, 1 << 17, Interrupt::USART2, 42),
+    _ => (0x4000_4800, Bus::Apb1, 1 << 18, Interrupt::USART3, 42),
 };
 const SERIAL_PORT: usize = SERIAL.0;
 const SERIAL_INTERRUPT: Interrupt = SERIAL.3;
@@ -266,21 +194,6 @@ impl SerialLine {
         };
         ARRIVED.push(byte);
     }
-}
-
-#[interrupt]
-fn USART1() {
-    SerialLine::interrupt();
-}
-
-#[interrupt]
-fn USART2() {
-    SerialLine::interrupt();
-}
-
-#[interrupt]
-fn USART3() {
-    SerialLine::interrupt();
 }
 
 impl ErrorType for SerialLine {
@@ -404,9 +317,13 @@ fn what_to_run(kept: &mut KeptSettings) -> Option<BoardSettings> {
     kept.settings().or_else(built_for)
 }
 
-/// The fault of this board, if it has one.
+/// Clocks of the chip, the ports, the serial port and the multiplexer of the external interrupts; the fault of this
+/// board, if it has one.
 fn set_up_clocks(device: &pac::Peripherals) -> Option<Fault> {
     let wrong_clock = clocks::set_up(&device.RCC, &device.FLASH);
+    clock_on(Bus::Ahb1, const { BOARD.ports_mask() });
+    clock_on(SERIAL.1, SERIAL.2);
+    clock_on(Bus::Apb2, MULTIPLEXER_CLOCK_MASK);
     chip_fault(start::device_id(), BOARD.chip_id).or(wrong_clock)
 }
 
@@ -433,22 +350,17 @@ fn introduce(receiver: &mut Receiver, kept: &KeptSettings) {
     receiver.has_crashed(start::take_crash());
 }
 
-/// A hot end and a bed with the usual thermistors, if the settings contain no heaters.
-fn heaters(settings: Option<HeatConfiguration>) -> HeatConfiguration {
-    if BOARD.heaters.is_empty() {
-        return HeatConfiguration::none();
-    }
-    settings.unwrap_or_else(HeatConfiguration::standard)
-}
-
-/// Before the pins: the library that takes the pins of USB over resets their port.
-fn set_up_usb(device: pac::Peripherals) -> Option<UsbLine> {
-    #[cfg(feature = "octopus")]
-    return usb::set_up(device);
-    #[cfg(not(feature = "octopus"))]
-    {
-        drop(device);
-        Some(headway_firmware::board::NoLine)
+/// # Safety
+/// What these interrupts use is set up, or not looked at before it is.
+unsafe fn unmask(nvic: &mut NVIC) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        for stop in STOPS {
+            nvic.set_priority(stop, 0);
+            NVIC::unmask(stop);
+        }
+        nvic.set_priority(SERIAL_INTERRUPT, SERIAL_PRIORITY);
+        NVIC::unmask(SERIAL_INTERRUPT);
     }
 }
 
@@ -468,23 +380,24 @@ fn run() -> Option<()> {
     let device = pac::Peripherals::take()?;
     let by_watchdog = watchdog_fault(&device.RCC);
     let wrong_board = set_up_clocks(&device);
-    // Ports, the serial port, the multiplexer of the external interrupts.
-    clock_on(Bus::Ahb1, const { BOARD.ports_mask() });
-    clock_on(SERIAL.1, SERIAL.2);
-    clock_on(Bus::Apb2, MULTIPLEXER_CLOCK_MASK);
     let known = Known::of(wrong_board, name.is_some() || BOARD.names.is_empty());
-    let map = wiring.map(&BOARD.board_inputs());
-    let map = map.with_switches_of(&switches);
-    let usb = set_up_usb(device)?;
+    let map = wiring
+        .map(&BOARD.board_inputs())
+        .with_switches_of(&switches);
+    // Before the pins: the library that takes the pins of USB over resets their port.
+    let usb = usb::set_up(device)?;
     let pins = pins::set_up(motors, map, known);
-    let ports = DriverPorts::new(pins::PORTS);
-    let output = PortOutput::new(ports, motors, wiring.reversed_motors);
+    let output = Output::new(
+        DriverPorts::new(pins::PORTS),
+        motors,
+        wiring.reversed_motors,
+    );
     let thermistors = Thermistors::set_up();
     let wires = wires::set_up();
     let servo = ProbeServo::set_up(known);
     let serial = SerialLine::set_up();
-    let emergency = BOARD.input(map.emergency())?;
-    emergency_input::set_up(emergency, map.is_open(map.emergency()));
+    let emergency = BOARD.inputs.get(usize::from(map.emergency()))?;
+    emergency_input::set_up(*emergency, map.is_open(map.emergency()));
     let clocks = CORE_HZ.checked_div(configuration.step_hz)?;
     let board = Board {
         configuration: &configuration,
@@ -495,12 +408,7 @@ fn run() -> Option<()> {
     unsafe {
         PINS.set(pins);
         heat::set_up();
-        for stop in STOPS {
-            core.NVIC.set_priority(stop, 0);
-            NVIC::unmask(stop);
-        }
-        core.NVIC.set_priority(SERIAL_INTERRUPT, SERIAL_PRIORITY);
-        NVIC::unmask(SERIAL_INTERRUPT);
+        unmask(&mut core.NVIC);
     }
     let mut receiver = runtime::start(&board, output, clocks, &mut core.SCB, &mut core.SYST)?;
     let unnamed = (known == Known::Unnamed).then_some(UNNAMED);
@@ -511,15 +419,10 @@ fn run() -> Option<()> {
     }
     with_motion(|motion| motion.fit_probe_pin(wiring.pin()));
     introduce(&mut receiver, &kept);
-    let heat = HeatLoop::new(&configuration, &heaters(asked), thermistors)?;
+    let heat = HeatLoop::new(&configuration, &BOARD.heat(asked), thermistors)?;
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
-    // It is unknown what is connected to another board's pins.
-    let drivers = match known {
-        Known::Foreign => DriversConfiguration::none(),
-        Known::Unnamed | Known::Named => drivers,
-    };
-    let drivers = DriverLoop::new(&drivers, configuration.servo_hz, wires);
+    let drivers = DriverLoop::new(&known.of_board(drivers), configuration.servo_hz, wires);
     let links = [0, 1].map(|line| Link::new(Conversation::new(&configuration, line)));
     // SAFETY: all that interrupts use is set.
     unsafe { cortex_m::interrupt::enable() }

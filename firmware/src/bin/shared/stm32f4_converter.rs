@@ -34,15 +34,7 @@ const START: u32 = 1 << 30;
 const DONE: u32 = 1 << 1;
 
 /// The thermistors' channels.
-const CHANNELS: [u32; HEATERS_MAX] = {
-    let mut channels = [0; HEATERS_MAX];
-    let mut heater = 0;
-    while heater < BOARD.heaters.len() {
-        channels[heater] = BOARD.sensor_channel(heater);
-        heater += 1;
-    }
-    channels
-};
+const CHANNELS: [u32; HEATERS_MAX] = BOARD.sensor_channels();
 
 /// Sensors and supply.
 pub struct Thermistors {

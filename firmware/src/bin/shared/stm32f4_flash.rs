@@ -60,7 +60,7 @@ impl KeptSettings {
         Some(Self {
             store: SettingsStore::new(flash).ok()?,
             limits: BoardLimits {
-                motors_max: BOARD.motors(),
+                motors_max: BOARD.drivers.len(),
                 servo_hz: built_in.servo_hz,
                 step_hz: built_in.step_hz,
                 inputs: BOARD.board_inputs(),

@@ -22,15 +22,7 @@ const SERIAL_FUNCTION: u32 = 7;
 /// Mode of a pin that a converter reads.
 const ANALOG: u32 = 3;
 /// Motors with the same enable pin as this one.
-const ENABLED_WITH: [u8; MOTORS_MAX] = {
-    let mut masks = [0; MOTORS_MAX];
-    let mut motor = 0;
-    while motor < BOARD.motors() {
-        masks[motor] = BOARD.enabled_with(motor);
-        motor += 1;
-    }
-    masks
-};
+const ENABLED_TOGETHER: [u8; MOTORS_MAX] = BOARD.enabled_together();
 
 /// Port A; the others follow.
 pub const PORTS: usize = 0x4002_0000;
@@ -66,7 +58,7 @@ pub fn is_high((port, number): Pin) -> bool {
 
 /// The level of an output.
 #[inline(always)]
-fn put((port, number): Pin, high: bool) {
+pub fn put((port, number): Pin, high: bool) {
     write(port, 1 << if high { number } else { number + 16 });
 }
 
@@ -134,11 +126,11 @@ pub fn supply(on: bool) {
 pub fn set_up(motors: usize, map: InputMap, known: Known) -> Pins {
     // A driver that is not used leaves its pins as they are: they may be the debugger's.
     let used = BOARD.drivers.iter().take(motors);
-    let steps = used.flat_map(|driver| [driver.step, driver.direction]);
+    let steps = used.flat_map(|[step, direction, ..]| [*step, *direction]);
     let low = BOARD.off().chain(steps).map(|pin| (pin, false));
     let supplied = !start::kept_fault().cuts_supply();
     let supply = BOARD.supply.map(|pin| (pin, supplied));
-    let high = BOARD.drivers.iter().map(|driver| (driver.enable, true));
+    let high = BOARD.enables().map(|pin| (pin, true));
     for (pin, level) in low.chain(high).chain(supply) {
         let is_ours = match known {
             Known::Foreign => false,
@@ -149,12 +141,11 @@ pub fn set_up(motors: usize, map: InputMap, known: Known) -> Pins {
             output(pin, level);
         }
     }
-    for heater in BOARD.heaters {
-        let (port, number) = heater.sensor;
+    for [_, (port, number)] in BOARD.heaters.iter().copied() {
         modify(port, MODE, 2 * number, 2, ANALOG);
     }
     BOARD.inputs.iter().copied().for_each(input);
-    for pin in BOARD.serial.pins {
+    for pin in BOARD.serial {
         // An input that floats hears noise.
         modify(pin.0, PULL, 2 * pin.1, 2, 1);
         alternate(pin, SERIAL_FUNCTION);
@@ -178,8 +169,7 @@ fn levels() -> u16 {
 
 /// Lets the drivers of these motors hold, and all others go.
 fn enable(held: u8) {
-    for (driver, together) in BOARD.drivers.iter().zip(ENABLED_WITH) {
-        let (port, number) = driver.enable;
+    for ((port, number), together) in BOARD.enables().zip(ENABLED_TOGETHER) {
         let low = held & together != 0;
         write(port, 1 << if low { number + 16 } else { number });
     }

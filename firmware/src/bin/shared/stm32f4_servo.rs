@@ -4,7 +4,6 @@
 use super::pins;
 use super::rcc::{Bus, clock_on};
 use crate::BOARD;
-use headway_firmware::board::table::ServoPin;
 use headway_firmware::configuration::board_name::Known;
 use headway_firmware::motion::probe_pin::{PULSE_PERIOD_US, PulsePort};
 
@@ -31,35 +30,34 @@ const ON: u32 = 1 << 7 | 1;
 /// The servo pin, if the board has one.
 pub struct ProbeServo;
 
-fn register(servo: ServoPin, offset: usize) -> *mut u32 {
-    (TIMER_2 + (usize::from(servo.timer) - 2) * TIMER_BYTES + offset) as *mut u32
+fn register(timer: u8, offset: usize) -> *mut u32 {
+    (TIMER_2 + (usize::from(timer) - 2) * TIMER_BYTES + offset) as *mut u32
 }
 
-fn compare(servo: ServoPin) -> *mut u32 {
-    register(servo, COMPARE + 4 * (usize::from(servo.channel) - 1))
+fn compare(timer: u8, channel: u8) -> *mut u32 {
+    register(timer, COMPARE + 4 * (usize::from(channel) - 1))
 }
 
 impl ProbeServo {
     /// Before interrupts are on: low until a length is set; not on a foreign board.
     pub fn set_up(known: Known) -> Self {
-        let Some(servo) = BOARD.servo else {
+        let Some((pin, function, timer, channel)) = BOARD.servo else {
             return Self;
         };
-        let channel = u32::from(servo.channel) - 1;
-        clock_on(Bus::Apb1, 1 << (servo.timer - 2));
-        let modes = CHANNEL_MODE + if channel < 2 { 0 } else { 4 };
+        clock_on(Bus::Apb1, 1 << (timer - 2));
+        let modes = CHANNEL_MODE + if channel <= 2 { 0 } else { 4 };
         // SAFETY: registers of this timer, which nothing else uses.
         unsafe {
-            register(servo, PRESCALER).write_volatile(BY_84);
-            register(servo, RELOAD).write_volatile(u32::from(PULSE_PERIOD_US) - 1);
-            compare(servo).write_volatile(0);
-            register(servo, modes).write_volatile(PWM << (8 * (channel % 2)));
-            register(servo, CHANNEL_ON).write_volatile(1 << (4 * channel));
-            register(servo, EVENT).write_volatile(UPDATE);
-            register(servo, CONTROL).write_volatile(ON);
+            register(timer, PRESCALER).write_volatile(BY_84);
+            register(timer, RELOAD).write_volatile(u32::from(PULSE_PERIOD_US) - 1);
+            compare(timer, channel).write_volatile(0);
+            register(timer, modes).write_volatile(PWM << (8 * ((channel - 1) % 2)));
+            register(timer, CHANNEL_ON).write_volatile(1 << (4 * (channel - 1)));
+            register(timer, EVENT).write_volatile(UPDATE);
+            register(timer, CONTROL).write_volatile(ON);
         }
         if known != Known::Foreign {
-            pins::alternate(servo.pin, servo.function);
+            pins::alternate(pin, function);
         }
         Self
     }
@@ -67,9 +65,9 @@ impl ProbeServo {
 
 impl PulsePort for ProbeServo {
     fn put(&mut self, pulse_us: u16) {
-        if let Some(servo) = BOARD.servo {
+        if let Some((_, _, timer, channel)) = BOARD.servo {
             // SAFETY: as above; it is taken over at the end of a period.
-            unsafe { compare(servo).write_volatile(pulse_us.into()) }
+            unsafe { compare(timer, channel).write_volatile(pulse_us.into()) }
         }
     }
 }

@@ -28,6 +28,7 @@ pub(crate) fn drivers_json(status: &Status) -> Vec<Value> {
             "low_supply": driver.has(DriverFlags::LOW_SUPPLY),
             "stealth": driver.has(DriverFlags::STEALTH),
             "current_scale": driver.scale,
+            "celsius": driver.celsius(),
             "retries": driver.retries,
         })
     };
@@ -61,10 +62,13 @@ pub(crate) fn drivers_text(status: &Status) -> String {
         } else {
             format!(", {}", notes.join(", "))
         };
+        let warmth = driver
+            .celsius()
+            .map_or(String::new(), |c| format!(", {c} °C"));
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "driver {motor}: {state}current {} of 32{notes}, {} retries",
+            "driver {motor}: {state}current {} of 32{warmth}{notes}, {} retries",
             u32::from(driver.scale) + 1,
             driver.retries
         );
@@ -99,16 +103,27 @@ mod tests {
             heaters: Default::default(),
             fan_permille: 0,
             fault: None,
-            drivers: [driver(0xa3), driver(0), driver(1)].into_iter().collect(),
+            drivers: [driver(0xa3), driver(0), driver(1), driver(0x4203)]
+                .into_iter()
+                .collect(),
             probe: Default::default(),
         };
         let text = drivers_text(&status);
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines.len(), 2, "{text}");
+        assert_eq!(lines.len(), 3, "{text}");
         assert!(lines[0].contains("driver 0: current 26 of 32, warning: open load"));
         assert!(lines[0].ends_with("stealth, 3 retries"));
         assert!(lines[1].starts_with("driver 2: NOT SET UP"));
+        // -40 °C and one, from bit 8 on.
+        assert!(
+            lines[2].contains("current 26 of 32, 25 °C, 3 retries"),
+            "{text}"
+        );
         let json = drivers_json(&status);
+        assert_eq!(
+            (&json[0]["celsius"], &json[3]["celsius"]),
+            (&Value::Null, &json!(25))
+        );
         assert_eq!(json[0]["open_load"], true);
         assert_eq!(json[0]["warm"], false);
         assert_eq!(json[1], Value::Null);

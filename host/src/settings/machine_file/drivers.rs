@@ -1,4 +1,4 @@
-//! `[drivers]` of a machine file: a group for each motor whose TMC2209 the board sets up.
+//! `[drivers]` of a machine file: a group for each motor whose driver the board sets up.
 
 use crate::settings::drivers::motor_names;
 use crate::settings::heading_joint::heading_joint_name;
@@ -6,18 +6,15 @@ use crate::settings::{HeadingMotor, Settings};
 use crate::text::refusal::{Refusal, refusal};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::configuration::drivers::{
-    Chopper, DriverConfiguration, DriversConfiguration,
+    Chopper, DriverConfiguration, DriverKind, DriversConfiguration,
 };
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-/// Clock of the chip, Hz, and its microsteps of a full step: what its speed threshold counts in.
-const CHIP_HZ: f64 = 12e6;
+/// Microsteps of a full step in which the speed threshold counts.
 const FINEST: f64 = 256.0;
-/// What modules and boards have.
-const SENSE_MOHM: u16 = 110;
 /// The threshold's 20 bits.
 const CLOCKS_MAX: f64 = 1_048_575.0;
 
@@ -28,9 +25,19 @@ enum ChopperName {
     Spread,
 }
 
+/// Clock of the chip, Hz, in which the speed threshold counts too.
+fn chip_hz(kind: DriverKind) -> f64 {
+    match kind {
+        DriverKind::Tmc2209 | DriverKind::Tmc5160 => 12e6,
+        DriverKind::Tmc2240 => 12.5e6,
+    }
+}
+
 #[derive(Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FileDriver {
+    driver: Option<String>,
+    reference_ohm: Option<u16>,
     run_ma: Option<u16>,
     hold_ma: Option<u16>,
     sense_mohm: Option<u16>,
@@ -169,8 +176,40 @@ impl FileDriver {
             || numbers.iter().any(Option::is_some)
             || self.address.is_some()
             || self.interpolate.is_some()
-            || self.chopper.is_some();
+            || self.chopper.is_some()
+            || self.driver.is_some()
+            || self.reference_ohm.is_some();
         !of_driver && self.torque_nm.is_some()
+    }
+
+    /// Its type, and its resistor.
+    fn kind(&self, name: &str) -> Result<(DriverKind, u16), Refusal> {
+        let text = self.driver.as_deref().unwrap_or("tmc2209");
+        let kind = DriverKind::ALL
+            .into_iter()
+            .find(|kind| kind.numbers().0 == text);
+        let Some(kind) = kind else {
+            return Err(refusal!(
+                "drivers.{name}.driver {text}: the board sets up tmc2209, tmc5160 and tmc2240; leave the group out for a \
+                 driver that stands alone"
+            ));
+        };
+        let (key, given, other) = match kind {
+            DriverKind::Tmc2240 => ("reference_ohm", self.reference_ohm, self.sense_mohm),
+            _ => ("sense_mohm", self.sense_mohm, self.reference_ohm),
+        };
+        if other.is_some() {
+            return Err(refusal!(
+                "drivers.{name}: the resistor of a {text} is {key}"
+            ));
+        }
+        if kind.has_spi() && self.address.is_some() {
+            return Err(refusal!(
+                "drivers.{name}.address: a {text} is selected by a wire of its own and has no address"
+            ));
+        }
+        let (_, _, [.., usual], _) = kind.numbers();
+        Ok((kind, given.unwrap_or(usual)))
     }
 
     fn driver(&self, name: &str, key: &str) -> Result<DriverConfiguration, Refusal> {
@@ -179,6 +218,7 @@ impl FileDriver {
                 "drivers.{name}: run_ma and microsteps are needed for a driver that the board sets up"
             ));
         };
+        let (kind, sense_mohm) = self.kind(name)?;
         let given = [
             ("full_steps_per_mm", self.full_steps_per_mm),
             (
@@ -201,7 +241,7 @@ impl FileDriver {
             None => 0,
             Some(rate) if rate > 0.0 && rate.is_finite() => {
                 // Too many are refused with the other numbers.
-                (CHIP_HZ / FINEST / rate)
+                (chip_hz(kind) / FINEST / rate)
                     .round()
                     .clamp(1.0, CLOCKS_MAX + 1.0) as u32
             }
@@ -213,7 +253,8 @@ impl FileDriver {
         };
         Ok(DriverConfiguration {
             address: self.address.unwrap_or(0),
-            sense_mohm: self.sense_mohm.unwrap_or(SENSE_MOHM),
+            sense_mohm,
+            kind,
             run_ma,
             hold_ma: self.hold_ma.unwrap_or(run_ma / 2),
             microsteps,
@@ -238,10 +279,17 @@ pub(super) fn write_drivers(text: &mut String, settings: &Settings) -> std::fmt:
         let Some(driver) = driver else { continue };
         writeln!(
             text,
-            "\n# TMC2209 over its UART; currents are rms, by the sense resistor.\n[drivers.{name}]"
+            "\n# Set up by the board; currents are rms, by the resistor.\n[drivers.{name}]"
         )?;
-        writeln!(text, "address = {}", driver.address)?;
-        writeln!(text, "sense_mohm = {}", driver.sense_mohm)?;
+        writeln!(text, "driver = \"{}\"", driver.kind.numbers().0)?;
+        if !driver.kind.has_spi() {
+            writeln!(text, "address = {}", driver.address)?;
+        }
+        let resistor = match driver.kind {
+            DriverKind::Tmc2240 => "reference_ohm",
+            _ => "sense_mohm",
+        };
+        writeln!(text, "{resistor} = {}", driver.sense_mohm)?;
         writeln!(text, "run_ma = {}", driver.run_ma)?;
         writeln!(text, "hold_ma = {}", driver.hold_ma)?;
         writeln!(text, "microsteps = {}", driver.microsteps)?;
@@ -259,7 +307,7 @@ pub(super) fn write_drivers(text: &mut String, settings: &Settings) -> std::fmt:
         };
         writeln!(text, "chopper = \"{chopper}\"")?;
         if driver.spread_below_clocks > 0 {
-            let rate = CHIP_HZ / FINEST / f64::from(driver.spread_below_clocks);
+            let rate = chip_hz(driver.kind) / FINEST / f64::from(driver.spread_below_clocks);
             writeln!(text, "spread_above_full_steps_s = {rate}")?;
         }
         if heading == Some(*name) {
@@ -425,5 +473,66 @@ mod tests {
         let of_x = X.to_string() + MOTOR;
         let cases = [("gear_ratio = 3", "gear_ratio = 2", "give it to [drivers.c]")];
         assert_refused(&of_x, &cases);
+    }
+
+    #[test]
+    fn drivers_with_spi_read_back_and_what_they_have_not_is_refused() {
+        const SPI: &str = "[drivers.x]\ndriver = \"tmc2240\"\nrun_ma = 1200\nmicrosteps = 16\nfull_steps_per_mm = 5\n\
+                           [drivers.y]\ndriver = \"tmc5160\"\nrun_ma = 2500\nmicrosteps = 16\nfull_steps_per_mm = 5\n\
+                           spread_above_full_steps_s = 333.3\n";
+        let settings = read(SPI).expect("a machine");
+        let [x, y, ..] = &settings.drivers.drivers[..] else {
+            panic!("two drivers");
+        };
+        let (x, y) = (x.expect("x"), y.expect("y"));
+        assert_eq!((x.kind.numbers().0, x.sense_mohm), ("tmc2240", 12_000));
+        assert_eq!((y.kind.numbers().0, y.sense_mohm), ("tmc5160", 75));
+        assert_eq!(y.spread_below_clocks, 141);
+        assert_eq!(from_toml(&to_toml(&settings)).expect("again"), settings);
+        assert_refused(
+            SPI,
+            &[
+                (
+                    "tmc2240",
+                    "tmc2130",
+                    "the board sets up tmc2209, tmc5160 and tmc2240",
+                ),
+                (
+                    "run_ma = 1200",
+                    "run_ma = 1200\nsense_mohm = 110",
+                    "is reference_ohm",
+                ),
+                (
+                    "run_ma = 2500",
+                    "run_ma = 2500\nreference_ohm = 12000",
+                    "is sense_mohm",
+                ),
+                (
+                    "run_ma = 2500",
+                    "run_ma = 2500\naddress = 1",
+                    "has no address",
+                ),
+                (
+                    "run_ma = 2500",
+                    "run_ma = 3100",
+                    "a resistor of 75 mΩ gives 12 to 3064",
+                ),
+                (
+                    "run_ma = 1200",
+                    "run_ma = 2200",
+                    "a resistor of 12000 Ω gives 3 to 2121",
+                ),
+                (
+                    "run_ma = 1200",
+                    "run_ma = 12\nreference_ohm = 110",
+                    "12000 to 60000 Ω, usually 12000",
+                ),
+                (
+                    "run_ma = 2500",
+                    "run_ma = 12\nsense_mohm = 10",
+                    "20 to 500 mΩ, usually 75",
+                ),
+            ],
+        );
     }
 }

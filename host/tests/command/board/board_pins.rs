@@ -60,22 +60,21 @@ fn assert_pins(model: &RegisterModel, meant: &BTreeMap<Pin, PinState>, name: &st
 /// What a board's pins are meant to be before anything is asked of it.
 fn meant(board: &BoardTable, has_usb: bool) -> BTreeMap<Pin, PinState> {
     let motors = board.drivers.iter().take(MOTORS);
-    let low = motors.flat_map(|driver| [driver.step, driver.direction]);
+    let low = motors.flat_map(|[step, direction, ..]| [*step, *direction]);
     let low = low.chain(board.off());
     // An enable is on while it is low; the supply is on while it is high.
-    let high = board.drivers.iter().map(|driver| driver.enable);
-    let high = high.chain(board.supply);
-    let wires = board.drivers.iter().filter_map(|driver| driver.wire);
+    let high = board.enables().chain(board.supply);
+    let wires = (0..board.drivers.len()).filter_map(|motor| board.wire(motor));
     let inputs = board.inputs.iter().copied().chain(wires);
     let mut meant = BTreeMap::new();
     meant.extend(low.map(|pin| (pin, PinState::Output(false))));
     meant.extend(high.map(|pin| (pin, PinState::Output(true))));
     meant.extend(inputs.map(|pin| (pin, PULLED_UP)));
-    let sensors = board.heaters.iter().map(|heater| heater.sensor);
+    let sensors = board.heaters.iter().map(|[_, sensor]| *sensor);
     meant.extend(sensors.map(|pin| (pin, PinState::Analog)));
-    meant.extend(board.serial.pins.map(|pin| (pin, PinState::Alternate(7))));
-    if let Some(servo) = board.servo {
-        meant.insert(servo.pin, PinState::Alternate(servo.function));
+    meant.extend(board.serial.map(|pin| (pin, PinState::Alternate(7))));
+    if let Some((servo, function, ..)) = board.servo {
+        meant.insert(servo, PinState::Alternate(function));
     }
     if has_usb {
         // D- and D+.

@@ -7,6 +7,7 @@
 
 use crate::rig::{command, stderr};
 use headway_firmware::board::octopus::BOARD;
+use headway_firmware::board::table::STEP;
 use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::steps::output::Pin;
 use headway_tests::elf::Elf;
@@ -65,7 +66,7 @@ fn after(number: usize, counts: impl Fn(&Write) -> bool) -> impl FnMut(&Write) -
 }
 
 fn is_step(write: &Write) -> bool {
-    sets(write, &BOARD.step())
+    sets(write, &BOARD.column(STEP))
 }
 
 fn steps(writes: &[Write]) -> usize {
@@ -150,7 +151,7 @@ fn panics(elf: &Elf, name: &str, at: At) {
             "{name}: {heater:?}"
         );
     }
-    for enable in BOARD.drivers.iter().map(|driver| driver.enable) {
+    for enable in BOARD.enables() {
         assert!(
             later.iter().any(|write| sets(write, &[enable])),
             "{name}: {enable:?} stays on"

@@ -10,6 +10,7 @@ use crate::rig::{command, example, folder, headway, path, stderr, succeeded};
 use headway::drive::record::Step;
 use headway::drive::simulator::{Simulator, SimulatorSetup};
 use headway_firmware::board::octopus::BOARD;
+use headway_firmware::board::table::{DIRECTION, STEP};
 use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::steps::output::Pin;
 use headway_tests::elf::Elf;
@@ -33,7 +34,7 @@ const FEATURES: &str = "octopus-serial,prove-no-panic,emulated";
 /// The write that begins every step tick: the first of those that end pulses.
 const TICK: (usize, u32) = (2, 1 << (13 + 16));
 /// RX, which must not float.
-const RX: Pin = BOARD.serial.pins[1];
+const RX: Pin = BOARD.serial[1];
 
 /// Writes a binary's flash to a file; its first address.
 fn flash_file(elf: &Elf, file: &Path) -> u32 {
@@ -112,9 +113,9 @@ impl Decoder {
         }
         let (set, reset) = (value & 0xffff, value >> 16);
         self.levels[port] = self.levels[port] & !reset | set;
-        for (motor, pin) in (0..).zip(BOARD.step()) {
+        for (motor, pin) in (0..).zip(BOARD.column(STEP)) {
             if pin.0 == port && set >> pin.1 & 1 == 1 {
-                let direction = BOARD.direction()[usize::from(motor)];
+                let direction = BOARD.column(DIRECTION)[usize::from(motor)];
                 self.steps.push(Step {
                     tick: self.ticks,
                     motor,

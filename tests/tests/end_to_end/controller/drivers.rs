@@ -7,13 +7,13 @@
 use headway::drive::virtual_drivers::VirtualDriver;
 use headway_firmware::board::built_in::built_in_planar;
 use headway_firmware::configuration::drivers::{
-    Chopper, CurrentScale, DriverConfiguration, DriversConfiguration, current_ma,
+    Chopper, CurrentScale, DriverConfiguration, DriverKind, DriversConfiguration, run_range_ma,
 };
 use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_firmware::drivers::one_wire::{BitClock, OneWire, Wires};
 use headway_firmware::drivers::{DriverLink, DriverPort, DriverService, LinkError};
 use headway_firmware::machine::Machine;
-use headway_protocol::message::{DriverFlags, FaultCause};
+use headway_protocol::message::{Control, DriverFlags, FaultCause};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -197,6 +197,7 @@ fn driver() -> DriverConfiguration {
         full_steps_per_unit: 5.0,
         chopper: Chopper::Spread,
         spread_below_clocks: 77,
+        kind: DriverKind::Tmc2209,
     }
 }
 
@@ -341,8 +342,10 @@ fn a_missing_driver_another_node_and_another_chip_are_told_in_bounded_time() {
 #[test]
 fn currents_are_those_of_the_data_sheet() {
     // Its table for 0.11 ohm, rms: full scale 1.77 A coarse, 0.98 A fine (chapter 9).
-    assert!((1750..=1780).contains(&current_ma(31, false, 110)));
-    assert!((970..=985).contains(&current_ma(31, true, 110)));
+    let [least, most] = run_range_ma(DriverKind::Tmc2209, 110);
+    assert!((1750..=1780).contains(&most));
+    // 0.98 A / 32, rounded up.
+    assert_eq!(least, 31);
     let mut ranges = [0, 0];
     for run_ma in 40..=1760u16 {
         let with = DriverConfiguration {
@@ -452,7 +455,7 @@ fn a_board_tells_what_is_wrong_with_a_driver_and_mends_what_has_restarted() {
     }
 }
 
-struct Nothing;
+pub(super) struct Nothing;
 
 impl headway_firmware::steps::output::StepOutput for Nothing {
     fn set_directions(&mut self, _: u8) {}
@@ -460,9 +463,14 @@ impl headway_firmware::steps::output::StepOutput for Nothing {
 }
 
 /// As a host clears a fault.
-fn clear(board: &mut Machine) {
+pub(super) fn clear(board: &mut Machine) {
+    order(board, Control::ClearFault);
+}
+
+/// A host's command.
+pub(super) fn order(board: &mut Machine, control: Control) {
     use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame};
-    use headway_protocol::message::{Control, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH};
+    use headway_protocol::message::{Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH};
     // Each time another host, so that the numbering begins anew.
     let host_session = board.motion().now_ticks() as u32 + 2;
     let hello = HostMessage::Hello(Hello {
@@ -470,10 +478,7 @@ fn clear(board: &mut Machine) {
         schema_hash: SCHEMA_HASH,
         host_session,
     });
-    for (sequence, message) in [hello, HostMessage::Control(Control::ClearFault)]
-        .iter()
-        .enumerate()
-    {
+    for (sequence, message) in [hello, HostMessage::Control(control)].iter().enumerate() {
         let mut out = [0; FRAME_BYTES_MAX];
         let length = encode_frame(sequence as u16, message, &mut out).expect("a frame");
         board.handle_bytes(&out[..length]);

@@ -5,4 +5,5 @@ mod drivers;
 mod emulated;
 mod figures;
 mod measured;
+mod spi_drivers;
 mod thermal;
