@@ -148,6 +148,9 @@ fn as_text(reach: &PartReach, side: Option<&str>) -> String {
     );
     let (count, used) = (reach.directions.len(), used.collect::<Vec<_>>().join(", "));
     lines.push(format!("{count} directions used: {used}"));
+    lines.extend(reach.pieces.filter(|pieces| *pieces > 1).map(|pieces| {
+        format!("plan --directions auto divides it into {pieces} pieces, of which less hangs")
+    }));
     lines
         .push("this is what is possible with material laid voxel by voxel, not a plan".to_string());
     lines.join("\n") + "\n"

@@ -76,6 +76,13 @@ pub fn plan_pieces(
     one_job::planned(&divided, cuts, placed.transform, settings, progress)
 }
 
+/// Into how many pieces a part is divided; `None` where it cannot be.
+pub(super) fn pieces_found(mesh: &LoadedMesh, settings: &Settings) -> Option<usize> {
+    check_settings(settings).ok()?;
+    let cuts = Placed::of(mesh, settings).ok()?.found(settings).ok()?;
+    Some(1 + cuts.len())
+}
+
 /// Whether the machine and its file go with pieces.
 fn check_settings(settings: &Settings) -> Result<(), Refusal> {
     if !settings.tilts() {

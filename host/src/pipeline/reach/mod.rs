@@ -5,7 +5,7 @@
 //! machine --joints--> mask -+--space--> by tilt: found, at most --left_out--> the largest places left out, and why
 //! aperture, head, obstacles +
 //! ```
-//! Lengths in mm, angles in rad; places in the part's coordinates. Leaves out pieces, and what is smaller than a voxel.
+//! Lengths in mm, angles in rad; places in the part's coordinates. Leaves out what is smaller than a voxel.
 
 mod joints;
 mod left_out;
@@ -15,6 +15,7 @@ use crate::geometry::Vector2;
 use crate::geometry::polygon::Box2;
 use crate::job::transform::PartTransform;
 use crate::mesh::{LoadedMesh, Mesh};
+use crate::pipeline::pieces::pieces_found;
 use crate::settings::Settings;
 use crate::text::refusal::{Refusal, refusal};
 use headway_reach::Vector3;
@@ -88,6 +89,8 @@ pub struct PartReach {
     pub directions: Vec<ReachDirection>,
     /// The largest places that it leaves out.
     pub left_out: Vec<LeftOutPlace>,
+    /// Into which `plan --directions auto` divides it; `None`: head and table do not tilt, or the search is too large.
+    pub pieces: Option<usize>,
     /// Side of a voxel.
     pub voxel_mm: f64,
     /// What was assumed.
@@ -163,14 +166,12 @@ pub fn part_reach(
                 .to_string(),
         );
     }
-    Ok(of_levels(
-        &tilts,
-        &reaches,
-        &axes,
-        &voxels,
-        profile.free_tilt_rad(),
+    let free_tilt_rad = profile.free_tilt_rad();
+    Ok(PartReach {
+        pieces: pieces_found(mesh, settings),
         notes,
-    ))
+        ..of_levels(&tilts, &reaches, &axes, &voxels, free_tilt_rad)
+    })
 }
 
 /// What a smaller tilt can do, a larger one can.
@@ -190,7 +191,6 @@ fn of_levels(
     axes: &[Vector3],
     voxels: &Voxels,
     free_tilt_rad: f64,
-    notes: Vec<String>,
 ) -> PartReach {
     let part = &voxels.part;
     let count = part.cells().len();
@@ -231,8 +231,9 @@ fn of_levels(
         levels,
         directions,
         left_out: left_out::places(voxels, &reach.left_out),
+        pieces: None,
         voxel_mm: part.voxel_mm(),
-        notes,
+        notes: Vec::new(),
         size: part.size(),
         cells: cells.map(|(cell, &at)| (at, lowest(cell))).collect(),
     }

@@ -49,6 +49,7 @@ fn a_t_has_its_shares_and_the_same_when_it_is_turned() {
             assert!(number(&figures, key) >= 0.0, "{key}");
         }
         assert_eq!(figures["left_out"][0]["why"], "support");
+        assert!((2..=5).contains(&figures["pieces"].as_u64().expect("a count")));
         assert!(!figures["directions"].as_array().expect("list").is_empty());
         keys.map(|key| number(&figures, key))
     });
