@@ -30,6 +30,7 @@ use serde::Deserialize;
 mod axes;
 mod drivers;
 pub mod edit;
+mod flow_loss;
 mod gcode;
 mod head;
 mod heat;
@@ -45,6 +46,7 @@ mod wiring;
 mod write;
 use axes::FileKinematics;
 use drivers::FileDriver;
+use flow_loss::FileFlowLoss;
 use gcode::FileGcode;
 pub use gcode::gcode_letters;
 use heat::FileHeaters;
@@ -120,6 +122,8 @@ struct File {
     #[serde(default)]
     shaper: BTreeMap<String, FileShaper>,
     extruder: ExtruderKeys,
+    #[serde(default)]
+    flow_loss: Vec<FileFlowLoss>,
     head: Option<FileHead>,
     #[serde(default)]
     print: PrintKeys,
@@ -221,6 +225,15 @@ impl File {
             motors: motors.transpose()?.unwrap_or_default(),
         };
         self.extruder.set(&mut machine)?;
+        if !self.flow_loss.is_empty() {
+            if !machine.curves.loss.is_empty() {
+                return Err(refusal!(
+                    "extruder.flow_loss: the curves [[flow_loss]] take its place: leave one of them out"
+                ));
+            }
+            let hot_end_c = self.material()?.map(|material| material.hot_end_c);
+            machine.curves.loss = flow_loss::at_temperature(&self.flow_loss, hot_end_c)?;
+        }
         if let Some([most_s, _]) = machine.curves.advance_bounds() {
             if self.extruder.pressure_advance_s.is_some() {
                 return Err(refusal!(
