@@ -14,8 +14,8 @@ pub mod sender;
 pub mod settings;
 pub mod target;
 
-use headway::text::refusal::Refusal;
 use headway::input::{self, Format, ReadOptions};
+use headway::text::refusal::Refusal;
 
 /// Reads `bytes` as an input. What is taken must be an outline, or a path, of finite numbers.
 pub fn read_input(bytes: &[u8], format: Format) {

@@ -270,6 +270,10 @@ impl Target {
         let mut out = [0u8; FRAME_BYTES_MAX];
         let host = &mut self.hosts[self.line];
         let next = host.next_sequence;
+        if *message == HostMessage::Control(Control::EmergencyStop) {
+            // As the sender does: noise before a stop does not take it along.
+            host.say(&mut self.machine, &[0]);
+        }
         if let Ok(length) = encode_frame(sequence, message, &mut out) {
             host.say(&mut self.machine, &out[..length]);
         }

@@ -344,7 +344,12 @@ impl Sender {
             }),
             ControlMessage::Command(control) => HostMessage::Control(control),
         };
-        encode_frame(outstanding.sequence, &message, out).ok()
+        // Half a frame of a host that died, or noise, may be on the line: that ends before a stop, not with it.
+        let is_stop = message == HostMessage::Control(Control::EmergencyStop);
+        let (ends, out) = out.split_at_mut_checked(usize::from(is_stop))?;
+        ends.fill(0);
+        let length = encode_frame(outstanding.sequence, &message, out).ok()?;
+        Some(ends.len() + length)
     }
 
     /// Sends a `Hello` before the next repeat of the message that waits for an answer.

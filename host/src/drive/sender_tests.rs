@@ -435,6 +435,25 @@ fn commands_overtake_and_are_done_once() {
 }
 
 #[test]
+fn a_stop_is_heard_after_half_a_frame_of_a_dead_host() {
+    // Found by fuzzing: noise before the first stop took it along, and only its repeat was heard.
+    let mut decoder = FrameDecoder::new();
+    for byte in [112, 7, 7] {
+        assert!(decoder.push(byte).is_none());
+    }
+    let mut sender = Sender::new(WireFrames::encode(&stream(10)).unwrap(), SETUP);
+    sender.command(Control::EmergencyStop);
+    let mut out = [0u8; FRAME_BYTES_MAX];
+    let length = sender.poll_transmit(0, &mut out).expect("sent at once");
+    let stop = HostMessage::Control(Control::EmergencyStop);
+    let heard = out[..length].iter().any(|byte| match decoder.push(*byte) {
+        Some(Ok(frame)) => HostMessage::decode(frame.payload).is_ok_and(|heard| heard == stop),
+        _ => false,
+    });
+    assert!(heard, "{:?}", &out[..length]);
+}
+
+#[test]
 fn frames_of_a_dead_host_that_arrive_after_the_greeting_do_no_harm() {
     // Found by 200 seeds of the restart campaign: the new host waited for credits for ever.
     let stream = stream(300);
