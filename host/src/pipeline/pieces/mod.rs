@@ -17,7 +17,7 @@ use crate::geometry::polygon::Box2;
 use crate::job::transform::PartTransform;
 use crate::mesh::{LoadedMesh, Mesh};
 use crate::pipeline::open_ground::OpenGround;
-use crate::pipeline::reach::{HEADINGS, Joints, SELF_SUPPORT_DEG, SLACK_SHARE, Voxels};
+use crate::pipeline::reach::{HEADINGS, Joints, SLACK_SHARE, Voxels, self_support_rad};
 use crate::pipeline::{Plan, PlanError};
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::outline::unreachable::UnreachableRun;
@@ -139,19 +139,17 @@ impl<'a> Placed<'a> {
         let profile = head.map_or_else(HeadProfile::line, |head| head.profile());
         let joints = self.joints(settings);
         let permitted = joints.permitted(axes);
-        let material = settings.material.and_then(|own| own.self_support_deg);
         let rules = Rules {
             head: &profile,
             slack_mm: SLACK_SHARE * voxel_mm,
-            self_support_rad: material.unwrap_or(SELF_SUPPORT_DEG).to_radians(),
+            self_support_rad: self_support_rad(settings),
             aperture: Aperture {
                 headings_rad: vec![0.0],
                 reach_mm: settings.aperture.reach_mm(),
                 contains: &|_| true,
             },
             allowed: &|cell, direction| {
-                let tip_mm =
-                    || voxels.middle_mm(cell) + 0.5 * voxel_mm * axes[direction] + offset_mm;
+                let tip_mm = || voxels.tip_mm(cell, &axes[direction]) + offset_mm;
                 permitted[direction].unwrap_or_else(|| joints.permit(tip_mm(), &axes[direction]))
             },
         };

@@ -35,7 +35,7 @@ const BOX_MAX: f64 = 1.2e7;
 /// Share of a voxel that is under the flat end, not in the head: less, and rounding on the grid blocks poses.
 pub(super) const SLACK_SHARE: f64 = 0.3;
 /// Self-support where the material does not say it.
-pub(super) const SELF_SUPPORT_DEG: f64 = 45.0;
+const SELF_SUPPORT_DEG: f64 = 45.0;
 /// Headings in half a turn.
 pub(super) const HEADINGS: u32 = 8;
 
@@ -127,22 +127,19 @@ pub fn part_reach(
     let voxel_mm = checked_voxel_mm(options.voxel_mm, high - low, volume_mm3, axes.len())?;
     let voxels = Voxels::new(mesh, &settings.obstacles, offset_mm, voxel_mm)?;
     let permitted = joints.permitted(&axes);
-    let self_support_deg = settings
-        .material
-        .and_then(|material| material.self_support_deg);
     let aperture = &settings.aperture;
     let turn = |n: u32| aperture.period_rad() * f64::from(n) / f64::from(HEADINGS);
     let rules = Rules {
         head: &profile,
         slack_mm: SLACK_SHARE * voxel_mm,
-        self_support_rad: self_support_deg.unwrap_or(SELF_SUPPORT_DEG).to_radians(),
+        self_support_rad: self_support_rad(settings),
         aperture: space::Aperture {
             headings_rad: (0..HEADINGS).map(turn).collect(),
             reach_mm: aperture.reach_mm(),
             contains: &|[x, y]| aperture.contains_in_tool(Vector2::new(x, y)),
         },
         allowed: &|cell, direction| {
-            let tip_mm = || voxels.middle_mm(cell) + 0.5 * voxel_mm * axes[direction] + offset_mm;
+            let tip_mm = || voxels.tip_mm(cell, &axes[direction]) + offset_mm;
             permitted[direction].unwrap_or_else(|| joints.permit(tip_mm(), &axes[direction]))
         },
     };
@@ -172,6 +169,12 @@ pub fn part_reach(
         notes,
         ..of_levels(&tilts, &reaches, &axes, &voxels, free_tilt_rad)
     })
+}
+
+/// The angle of self-support of the material.
+pub(super) fn self_support_rad(settings: &Settings) -> f64 {
+    let given = settings.material.and_then(|own| own.self_support_deg);
+    given.unwrap_or(SELF_SUPPORT_DEG).to_radians()
 }
 
 /// What a smaller tilt can do, a larger one can.

@@ -88,6 +88,11 @@ impl Voxels {
         self.low_mm + self.part.voxel_mm() * middle
     }
 
+    /// The tip that prints a cell along a unit vector, the part's coordinates.
+    pub(in crate::pipeline) fn tip_mm(&self, cell: [u16; 3], direction: &Vector3) -> Vector3 {
+        self.middle_mm(cell) + 0.5 * self.part.voxel_mm() * direction
+    }
+
     /// The part's cell at a place in its coordinates, or where there is none those beside it.
     pub(in crate::pipeline) fn cells_near(&self, place_mm: Vector3) -> Vec<usize> {
         let at = ((place_mm - self.low_mm) / self.part.voxel_mm()).map(|n| n.floor() as i64);
